@@ -22,9 +22,10 @@ from ..core.text import join_words
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
+from .absorbed_parameters import with_absorbed_parameters
 from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
-from .explanation import Explanation, claimable_part, explain, only_parameters, with_absorbed_parameters
+from .explanation import Explanation, claimable_part, explain, only_parameters
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     Setting,

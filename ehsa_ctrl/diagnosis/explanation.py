@@ -13,15 +13,12 @@ from dataclasses import dataclass, replace
 from ..core.text import join_words
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
-from .candidate_effects import with_parameters
 from .diagnosis import Verdict
 from .free_curve import CurveLog, FreeCurve, free_curve
-from .hypothesis_search import Hypotheses, Task
-from .local_search import MAX_CAUSES
 from .model_selection import Reference, Selection, selection_of
 from .regimes import describe_curve
-from .scoring import CauseKey, Scoring
-from .signals import largest, largest_beyond
+from .scoring import CauseKey
+from .signals import largest
 
 #: Causes are part of the explanation if they close this part of the gap, on training and on held-out data. An effect is
 #: certain among many causes if every set without it explains less by this part, or closes less by it where the causes
@@ -29,8 +26,6 @@ from .signals import largest, largest_beyond
 #: catalogue lacks, the one that came nearest had 0.30 with 0.34 closed, and 0.43 with 0.46 of the largest gap; on the
 #: records of a servo the latter is 0.50 to 1.
 PART, HALF = 1.0 / 3.0, 0.5
-#: Parameters that a refit hides beside the causes. Engineering judgement: with more of them a form is wrong.
-MAX_ABSORBED = 2
 #: Where more than noise is left, so many causes may leave up to the threshold, and more causes this share of it; only
 #: so few are claimed as part of a cause. On the tuning seeds of benchmarks/withheld sets of four to six causes closed
 #: 0.34 to 0.84 of the gaps of effects that the catalogue lacks, and left 0.9 of the threshold or more.
@@ -119,62 +114,6 @@ def _certain(key: CauseKey, selection: Selection, reference: Reference) -> bool:
     if closed >= HALF:
         lost = max(lost, 1.0 - max([0.0, *(min(reference.closed(one)) for one in without)]) / closed)
     return EFFECTS[key[0]].wired and lost >= PART and gaps[key] >= HALF * max(gaps.values())
-
-
-def with_absorbed_parameters(
-    selection: Selection, hypotheses: Hypotheses, scoring: Scoring, reference: Reference, threshold: float
-) -> tuple[Selection, Hypotheses]:
-    """The selection with those wrong nominal parameters as causes that its refit would hide, refitted with them free.
-
-    The causes are simulated with all other parameters at their nominal values. While that leaves a gap of `threshold`
-    or more beyond the floor on the training data, the parameter is added that closes most of it; where it takes more
-    than MAX_ABSORBED, the form of a cause is wrong rather than the parameters. They are as probable as the least
-    probable cause.
-    """
-    if scoring.lumped:
-        return selection, hypotheses
-    chosen, ids = selection.chosen, scoring.ids
-    values = chosen.fit.values
-    of_causes = {n for c in chosen.fit.candidates if c.key in chosen.causes for n in c.names}
-    of_causes |= {n for n in values if (ids.get(n), None) in chosen.causes}
-    others: dict[CauseKey, set[str]] = {}
-    for f in chosen.fit.free[chosen.fit.n_effect :]:
-        if f.name in ids and f.name not in of_causes:
-            others.setdefault((ids[f.name], None), set()).add(f.name)
-    companions = {n for c in chosen.fit.candidates if c.key not in chosen.causes for n in c.names}
-
-    def left(names: set[str]) -> float:
-        # On held-out data a single slip may decide: what the training data does not ask for is no cause.
-        gaps = scoring.training.gap({n: v for n, v in values.items() if n in names})
-        return largest_beyond(gaps, reference.floors[0])
-
-    added: dict[CauseKey, set[str]] = {}
-    names = of_causes | companions
-    rest, room = left(names), min(MAX_ABSORBED, MAX_CAUSES - len(chosen.causes))
-    while others and len(added) < room and rest >= threshold:
-        rests = {key: left(names | own) for key, own in others.items()}
-        best = min(rests, key=lambda key: rests[key])
-        rest = rests[best]
-        added[best] = others.pop(best)
-        names |= added[best]
-    if not added or rest >= threshold:
-        return selection, hypotheses
-    members = with_parameters(
-        [c for c in chosen.fit.candidates if c.key in chosen.causes],
-        [n for n in values if ids.get(n) in {id for id, _ in (*chosen.causes, *added)}],
-        hypotheses.candidates,
-        ids,
-    )
-    task = Task(members, values)
-    hypotheses = hypotheses.with_refits([task], "sets of causes", steps=6, renew_after=1)
-    refitted = next((scoring.score(fit) for fit in hypotheses.fits_of([task])), chosen)
-    least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)
-    if refitted.deviance < chosen.deviance:
-        chosen, added = refitted, {key: names for key, names in added.items() if key not in refitted.causes}
-    own = {**chosen.own_gaps, **scoring.changes_of(chosen.fit.values, added)}
-    chosen = replace(chosen, causes=(*chosen.causes, *added), own_gaps=own)
-    probability = {**dict.fromkeys(chosen.causes, least), **selection.probability}
-    return replace(selection, chosen=chosen, probability=probability), hypotheses
 
 
 def only_parameters(causes: Sequence[CauseKey], plant: Plant) -> bool:

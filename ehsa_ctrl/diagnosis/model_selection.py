@@ -119,23 +119,24 @@ def selection_of(chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], r
 
 def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:
     """The smallest set of causes that no larger set improves on by a relevant amount."""
-    sizes = sorted({len(one.causes) for one in ranked})
-    chosen = next(one for one in ranked if len(one.causes) == sizes[0])
-    for size in sizes[1:]:
-        larger = next(one for one in ranked if len(one.causes) == size)
-        gained = chosen.deviance - larger.deviance
-        if gained <= reference.margin(larger, MARGIN_ADDED):
-            continue
-        decrease = max(
-            _decrease(before, after)
-            for before, after in (
-                (chosen.training_gap, larger.training_gap),
-                (chosen.held_out_gap, larger.held_out_gap),
-            )
-        )
-        if decrease >= MIN_DECREASE * threshold or gained >= MIN_DEVIANCE_SHARE * (reference.nominal - larger.deviance):
-            chosen = larger
-    return chosen
+    best: dict[int, ScoredHypothesis] = {}
+    for one in ranked:
+        best.setdefault(len(one.causes), one)
+    by_size = [best[size] for size in sorted(best)]
+    return next(
+        one
+        for i, one in enumerate(by_size)
+        if not any(_improves(larger, one, reference, threshold) for larger in by_size[i + 1 :])
+    )
+
+
+def _improves(larger: ScoredHypothesis, one: ScoredHypothesis, reference: Reference, threshold: float) -> bool:
+    """Whether a larger set of causes is better by a relevant amount, see MIN_DECREASE."""
+    gained = one.deviance - larger.deviance
+    if gained <= reference.margin(larger, MARGIN_ADDED):
+        return False
+    decrease = max(_decrease(one.training_gap, larger.training_gap), _decrease(one.held_out_gap, larger.held_out_gap))
+    return decrease >= MIN_DECREASE * threshold or gained >= MIN_DEVIANCE_SHARE * (reference.nominal - larger.deviance)
 
 
 def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, margin: float) -> ScoredHypothesis:
