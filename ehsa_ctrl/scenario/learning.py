@@ -22,7 +22,7 @@ from ..design.controller import has_linear_law
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
 from .definition import Scenario
-from .prepare import PreparedScenario, prepare
+from .prepare import prepare
 
 if TYPE_CHECKING:
     import pandas
@@ -140,19 +140,6 @@ def learn_reference(
     SimulationError: a trial stops early.
     """
     case = prepare(scenario, controller=controller, plant=plant, design=design, settings=settings)
-    return learn(case, trials=trials, gain=gain, cutoff=cutoff, lead=lead, deadband=deadband)
-
-
-def learn(
-    case: PreparedScenario,
-    *,
-    trials: int = 8,
-    gain: float = 0.5,
-    cutoff: float = 10.0,
-    lead: int | None = None,
-    deadband: float = 0.0,
-) -> LearntReference:
-    """`learn_reference` for a prepared scenario."""
     definition, where = case.scenario.definition, case.scenario.name
     if not 1 <= trials <= MOST_TRIALS:
         raise InputError(f"trials = {trials}; expected 1 to {MOST_TRIALS}")

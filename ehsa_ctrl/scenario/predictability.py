@@ -52,4 +52,4 @@ def _rounded(plant: Plant, draw: np.random.Generator) -> Plant:
 def _change(old: float, new: float) -> float:
     if np.isfinite(old) and np.isfinite(new):
         return abs(new - old)
-    return 0.0 if str(old) == str(new) else np.inf
+    return 0.0 if np.array_equal(old, new, equal_nan=True) else np.inf

@@ -6,6 +6,7 @@ by a factor of a million.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -74,14 +75,21 @@ def replay_with_exact(
 
 
 @dataclass(frozen=True)
-class EmbeddedMpc:
-    """An MPC for the export, a design.controller.Law whose `function` is translated to C. tolerances: of `solve_qp`."""
+class _EmbeddedLaw(ABC):
+    """A law for the export, a design.controller.Law whose `function` is translated to C. tolerances: of `solve_qp`."""
 
-    mpc: Mpc
+    mpc: Mpc | ScheduledMpc
     tolerances: tuple[float, float] = TOLERANCES
-    function = staticmethod(mpc_law)
-    uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SAMPLE_FUNCTIONS, solve_embedded)
     compiles = False
+
+    @property
+    @abstractmethod
+    def _unknowns(self) -> int:
+        """Number of unknowns of the quadratic program."""
+
+    @property
+    @abstractmethod
+    def _settings(self) -> np.ndarray: ...
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -90,6 +98,31 @@ class EmbeddedMpc:
     @property
     def traces(self) -> Mapping[str, int]:
         return {name: index for name, index in self.mpc.traces.items() if name != "solver_time"}
+
+    def settings(self) -> np.ndarray:
+        return self._settings
+
+    def initial_memory(self) -> np.ndarray:
+        return np.concatenate([self.mpc.initial_memory(), np.zeros(work_size(self._unknowns))])
+
+    def linear(self) -> Any:
+        return self.mpc.linear()
+
+    def __str__(self) -> str:
+        return str(self.mpc)
+
+
+@dataclass(frozen=True)
+class EmbeddedMpc(_EmbeddedLaw):
+    """An MPC for the export."""
+
+    mpc: Mpc
+    function = staticmethod(mpc_law)
+    uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SAMPLE_FUNCTIONS, solve_embedded)
+
+    @property
+    def _unknowns(self) -> int:
+        return len(self.mpc.condensed.F)
 
     @cached_property
     def _own_matrices(self) -> dict[str, np.ndarray]:
@@ -111,49 +144,19 @@ class EmbeddedMpc:
     def _settings(self) -> np.ndarray:
         return self.mpc.settings_with(self._own_matrices)
 
-    def settings(self) -> np.ndarray:
-        return self._settings
-
-    def initial_memory(self) -> np.ndarray:
-        return np.concatenate([self.mpc.initial_memory(), np.zeros(work_size(len(self.mpc.condensed.F)))])
-
-    def linear(self) -> Any:
-        return self.mpc.linear()
-
-    def __str__(self) -> str:
-        return str(self.mpc)
-
 
 @dataclass(frozen=True)
-class EmbeddedScheduledMpc:
-    """A scheduled MPC for the export, a design.controller.Law whose `function` is translated to C."""
+class EmbeddedScheduledMpc(_EmbeddedLaw):
+    """A scheduled MPC for the export."""
 
     mpc: ScheduledMpc
-    tolerances: tuple[float, float] = TOLERANCES
     function = staticmethod(scheduled_mpc_law)
     uses: tuple[Callable[..., Any], ...] = (*SOLVER_FUNCTIONS, *SCHEDULED_FUNCTIONS, solve_embedded)
-    compiles = False
 
     @property
-    def reads(self) -> tuple[str, ...]:
-        return self.mpc.reads
-
-    @property
-    def traces(self) -> Mapping[str, int]:
-        return {name: index for name, index in self.mpc.traces.items() if name != "solver_time"}
+    def _unknowns(self) -> int:
+        return len(self.mpc.laws[0].condensed.F)
 
     @cached_property
     def _settings(self) -> np.ndarray:
         return self.mpc.settings_with([EmbeddedMpc(law, self.tolerances).settings() for law in self.mpc.laws])
-
-    def settings(self) -> np.ndarray:
-        return self._settings
-
-    def initial_memory(self) -> np.ndarray:
-        return np.concatenate([self.mpc.initial_memory(), np.zeros(work_size(len(self.mpc.laws[0].condensed.F)))])
-
-    def linear(self) -> Any:
-        return self.mpc.linear()
-
-    def __str__(self) -> str:
-        return str(self.mpc)
