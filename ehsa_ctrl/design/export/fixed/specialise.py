@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import ast
 import math
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import product
 from typing import Any
 
 from ...controller import SampledController
 from ...stages.pipeline import M_LAW, pipeline
 from ..expressions import COMPARISONS
 from ..source import FunctionSource, c_name, read_source
+from .folding import as_real, as_term, chosen, compared, extreme, folded, joined, operated, split_index
 from .term import (
     BOOL,
     INT,
@@ -30,16 +29,11 @@ from .term import (
     Remark,
     SpecialisedProgram,
     Statement,
-    constant,
     read,
     without_unread,
 )
 
 ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%"}
-COMPUTED: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "%": operator.mod,
-    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
 FUNCTIONS: dict[Callable[..., Any], str] = {math.sqrt: "sqrt", math.exp: "exp", math.sin: "sin"}
 #: Operations whose result gets a variable of its own, because its range is not that of a sum.
 KEPT = ("/", "%", "sqrt", "exp", "sin")
@@ -79,11 +73,7 @@ def specialise(controller: SampledController) -> SpecialisedProgram:
     arguments = [Vector(name, 0) for name in ("reference", "measured", "memory", "settings")]
     current = specialiser.call(pipeline, arguments)
     assert isinstance(current, ProgramTerm | float | int)
-    return without_unread(SpecialisedProgram(specialiser.statements, _term(current)))
-
-
-def _term(value: Value | float) -> ProgramTerm:
-    return value if isinstance(value, ProgramTerm) else constant(value)  # type: ignore[arg-type]
+    return without_unread(SpecialisedProgram(specialiser.statements, as_term(current)))
 
 
 class _Specialiser:
@@ -199,9 +189,9 @@ class _Specialiser:
                 continue
             if isinstance(a, Vector) or isinstance(b, Vector):
                 frame.source.fail(frame.source.tree, f"the vector {name} after a decision", "one meaning of it")
-            a, b = _term(a), _term(b)
+            a, b = as_term(a), as_term(b)
             if a.type != b.type:
-                a, b = _as_real(a), _as_real(b)
+                a, b = as_real(a), as_real(b)
             place = self._new_place(name if name != RESULT else f"result_of_{frame.source.name}")
             branch.yes.append(Assignment(place, a))
             branch.no.append(Assignment(place, b))
@@ -244,7 +234,7 @@ class _Specialiser:
                 assert isinstance(to, Vector) and isinstance(origin, Vector)
                 found = [self._kept(self._entry(origin, k), "value") for k in range(self._known(upper, frame) - start)]
                 for k, each in enumerate(found):
-                    self._put(Place(to.store, to.start + start + k), _term(each))
+                    self._put(Place(to.store, to.start + start + k), as_term(each))
             case _:
                 self._store(target, self._evaluate(value, frame), frame)
 
@@ -257,7 +247,7 @@ class _Specialiser:
         vector, index = self._evaluate(target.value, frame), self._evaluate(target.slice, frame)
         assert isinstance(vector, Vector)
         place, at = self._place(vector, index, target, frame)
-        self._put(place, _as_real(_term(value)), at)
+        self._put(place, as_real(as_term(value)), at)
 
     def _put(self, place: Place, term: ProgramTerm, at: ProgramTerm | None = None) -> None:
         """Assign to an entry of a vector, and remember it if it is known."""
@@ -300,7 +290,7 @@ class _Specialiser:
                 f"`{ast.unparse(node)}`, a table with an index that depends on readings, in fixed point",
                 "a known index; --number float has any",
             )
-        known, moving = _split(index)
+        known, moving = split_index(index)
         return Place("memory", vector.start + known, moving=True), moving
 
     def _entry(self, vector: Vector, index: int) -> Any:
@@ -329,7 +319,7 @@ class _Specialiser:
                 if not isinstance(index, ProgramTerm):
                     return self._entry(vector, index)
                 if vector.store == "settings" and index.operation == "table":
-                    return _folded(lambda i: self.settings[vector.start + i], index)
+                    return folded(lambda i: self.settings[vector.start + i], index)
                 where, at = self._place(vector, index, node, frame)
                 assert at is not None
                 return ProgramTerm("read", (at,), REAL, place=where)
@@ -342,16 +332,16 @@ class _Specialiser:
             case ast.BinOp(left=left, op=op, right=right):
                 return self._operate(ARITHMETIC[type(op)], self._evaluate(left, frame), self._evaluate(right, frame))
             case ast.BoolOp(op=op, values=values):
-                return _joined("and" if isinstance(op, ast.And) else "or", [self._evaluate(v, frame) for v in values])
+                return joined("and" if isinstance(op, ast.And) else "or", [self._evaluate(v, frame) for v in values])
             case ast.Compare(left=left, ops=ops, comparators=others):
                 operands = [self._evaluate(each, frame) for each in (left, *others)]
                 pairs = zip(ops, operands, operands[1:], strict=False)
-                return _joined("and", [_compared(COMPARISONS[type(op)], a, b) for op, a, b in pairs])
+                return joined("and", [compared(COMPARISONS[type(op)], a, b) for op, a, b in pairs])
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 value = self._evaluate(test, frame)
                 if not isinstance(value, ProgramTerm):
                     return self._evaluate(body if value else orelse, frame)
-                return _chosen(value, self._evaluate(body, frame), self._evaluate(orelse, frame))
+                return chosen(value, self._evaluate(body, frame), self._evaluate(orelse, frame))
             case ast.Call(func=func, args=arguments):
                 return self._called(node, frame.source.meaning(func), arguments, frame)
         return frame.source.fail(node, f"`{ast.unparse(node)}` in fixed point", "arithmetic, comparisons and calls")
@@ -360,11 +350,11 @@ class _Specialiser:
         values = [self._evaluate(each, frame) for each in arguments]
         terms = any(isinstance(value, ProgramTerm) for value in values)
         if function in (min, max):
-            return _extreme(function, values)
+            return extreme(function, values)
         if function is abs:
             return ProgramTerm("absolute", (values[0],), values[0].type) if terms else abs(values[0])
         if function is float:
-            return _as_real(values[0]) if terms else float(values[0])
+            return as_real(values[0]) if terms else float(values[0])
         if function is int:
             if not terms:
                 return int(values[0])
@@ -385,54 +375,9 @@ class _Specialiser:
         return self.call(function, [self._kept(value, "given") for value in values])
 
     def _operate(self, sign: str, a: Any, b: Any) -> Any:
-        """a sign b, simplified where one of them is a known 0 or 1."""
-        if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm):
-            return COMPUTED[sign](a, b)
-        if all(not isinstance(each, ProgramTerm) or each.operation == "table" for each in (a, b)):
-            return _folded(COMPUTED[sign], a, b)
-        match sign:
-            case "*" if _is(a, 0.0) or _is(b, 0.0):
-                return 0.0
-            case "/" if _is(a, 0.0):
-                return 0.0
-            case "*" | "/" if _is(b, 1.0):
-                return a
-            case "+" | "-" if _is(b, 0.0):
-                return a
-            case "*" if _is(a, 1.0):
-                return b
-            case "+" if _is(a, 0.0):
-                return b
-        a, b = _term(a), _term(b)
-        whole = a.type == b.type == INT and sign != "/"
-        result = ProgramTerm(sign, (a, b) if whole else (_as_real(a), _as_real(b)), INT if whole else REAL)
-        return self._kept(result, "value") if sign in KEPT and not whole else result
-
-
-def _folded(function: Callable[..., Any], *operands: Any) -> Any:
-    """A function of tables and known numbers: the table of its values, or the only value."""
-    tables = [each for each in operands if isinstance(each, ProgramTerm)]
-    axes = {axis: count for each in tables for axis, count in zip(each.arguments, each.shape, strict=True)}
-    values = []
-    for point in product(*map(range, axes.values())):
-        at = dict(zip(axes, point, strict=True))
-        values.append(function(*(_entry_at(each, at) if each in tables else each for each in operands)))
-    if all(value == values[0] for value in values):
-        return values[0]
-    word = INT if isinstance(values[0], int) else REAL
-    return ProgramTerm("table", tuple(axes), word, entries=tuple(values), shape=tuple(axes.values()))
-
-
-def _entry_at(table: ProgramTerm, at: Mapping[ProgramTerm, int]) -> float:
-    place = 0
-    for axis, count in zip(table.arguments, table.shape, strict=True):
-        place = place * count + at[axis]
-    return table.entries[place]
-
-
-def _is(value: Any, number: float) -> bool:
-    """Whether a value is known to be this number."""
-    return not isinstance(value, ProgramTerm) and bool(value == number)
+        result = operated(sign, a, b)
+        new = isinstance(result, ProgramTerm) and result is not a and result is not b
+        return self._kept(result, "value") if new and result.operation in KEPT and result.type != INT else result
 
 
 def _leaves(node: ast.AST) -> bool:
@@ -447,73 +392,3 @@ def _leaves(node: ast.AST) -> bool:
 def _as_load(node: ast.expr) -> ast.expr:
     """The target of an augmented assignment as an expression."""
     return ast.parse(ast.unparse(node), mode="eval").body
-
-
-def _as_real(term: ProgramTerm | float) -> ProgramTerm:
-    term = _term(term)
-    if term.type != INT:
-        return term
-    return constant(float(term.value)) if term.operation == "constant" else ProgramTerm("real", (term,), REAL)
-
-
-def _split(index: ProgramTerm) -> tuple[int, ProgramTerm]:
-    """The known part of an index and the rest."""
-    if index.operation == "+":
-        for known, other in (index.arguments, index.arguments[::-1]):
-            if known.operation == "constant":
-                more, moving = _split(other)
-                return int(known.value) + more, moving
-    return 0, index
-
-
-def _chosen(test: ProgramTerm, a: Any, b: Any) -> Any:
-    if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm) and a == b:
-        return a
-    a, b = _term(a), _term(b)
-    if a.type != b.type:
-        a, b = _as_real(a), _as_real(b)
-    return ProgramTerm("choice", (test, a, b), a.type)
-
-
-def _compared(sign: str, a: Any, b: Any) -> Any:
-    if not isinstance(a, ProgramTerm) and not isinstance(b, ProgramTerm):
-        return COMPUTED[sign](a, b)
-    for one, other, turned in ((a, b, sign), (b, a, sign.translate(str.maketrans("<>", "><")))):
-        if not isinstance(other, ProgramTerm) and math.isinf(other):
-            # Every number is within infinite limits.
-            assert isinstance(one, ProgramTerm)
-            return bool(COMPUTED[turned](0.0, other))
-    a, b = _term(a), _term(b)
-    if a.type != b.type:
-        a, b = _as_real(a), _as_real(b)
-    return ProgramTerm(sign, (a, b), BOOL)
-
-
-def _joined(word: str, values: list[Any]) -> Any:
-    """and, or: known values decide or vanish."""
-    decides = word == "or"
-    if any(not isinstance(value, ProgramTerm) and bool(value) == decides for value in values):
-        return decides
-    left = [value for value in values if isinstance(value, ProgramTerm)]
-    if not left:
-        return not decides
-    return left[0] if len(left) == 1 else ProgramTerm(word, tuple(left), BOOL)
-
-
-def _extreme(function: Any, values: list[Any]) -> Any:
-    known = [value for value in values if not isinstance(value, ProgramTerm)]
-    if len(known) == len(values):
-        return function(values)
-    result: Any = values[0]
-    for value in values[1:]:
-        beyond = math.inf if function is min else -math.inf
-        if not isinstance(value, ProgramTerm) and value == beyond:
-            continue
-        if not isinstance(result, ProgramTerm) and result == beyond:
-            result = value
-            continue
-        a, b = _term(result), _term(value)
-        if a.type != b.type:
-            a, b = _as_real(a), _as_real(b)
-        result = ProgramTerm("smaller" if function is min else "larger", (a, b), a.type)
-    return result
