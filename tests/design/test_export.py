@@ -14,8 +14,8 @@ from export_inputs import STRICT, full, loop_readings, readings
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ehsa_ctrl import InputError, load_controller, three_state
-from ehsa_ctrl.design.export import FLOATING, NUMBERS, Program, check_code, export_controller, replay
+from ehsa_ctrl import InputError, load_controller, load_plant, three_state
+from ehsa_ctrl.design.export import FIXED, FLOATING, NUMBERS, Program, check_code, export_controller, replay
 from ehsa_ctrl.design.export.compiled_code import deepest_stack
 from ehsa_ctrl.design.export.deployment import embedded_controller
 from ehsa_ctrl.design.export.operations import CountedFloat
@@ -434,6 +434,22 @@ def test_the_vector_is_what_python_gives(system):
     np.testing.assert_array_equal(table[:, 3:8], measured)
     np.testing.assert_array_equal(table[:, 8], replay(controller, reference, measured))
     assert text.startswith("reference_position,reference_velocity,reference_acceleration,speed,")
+
+
+@pytest.mark.parametrize("number", [NUMBERS["double"], FIXED["q31"]])
+def test_texts_have_the_unit_of_the_drive(system, number):
+    """A carriage is driven by a force."""
+    for model, unit, other in ((system, "A", "N"), (load_plant("emps", model="linear"), "N", "A")):
+        found = export_controller(load_controller("pid_position", model), *readings(50), number=number)
+
+        assert f", tolerance {found.tolerance:g} {unit}" in str(found)
+        for name, line in (
+            ("test.c", f"#define TOLERANCE {found.tolerance!r} /* {unit} */"),
+            ("test.c", f"largest difference from Python %.3g {unit}"),
+            ("controller.h", f"#define EHSA_CURRENT_LIMIT 6.0 /* {unit} */"),
+            ("README.md", f"{found.tolerance!r} {unit}."),
+        ):
+            assert line in found.files[name] and line.replace(unit, other) not in found.files[name]
 
 
 def test_wrong_shapes_are_a_sentence(system):

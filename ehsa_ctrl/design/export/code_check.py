@@ -62,7 +62,7 @@ class CodeCheck(Result):
     number: type of its numbers in C. operations: of the costliest sample of the test vector, or in fixed point of the
     longest way through the code, by kind. stack: bytes of the deepest chain of calls without libm; None if unknown.
     runs: name -> replayed run, the test vector first. signals: name -> what became of it.
-    tolerance: largest error of the current with which the code is usable [A].
+    tolerance: largest error of the current with which the code is usable [unit]. unit: of the drive, SI.
     """
 
     number: str
@@ -71,6 +71,7 @@ class CodeCheck(Result):
     runs: dict[str, CheckedRun]
     signals: dict[str, SignalCheck]
     tolerance: float
+    unit: str = "A"
 
     @property
     def worst(self) -> str:
@@ -91,14 +92,15 @@ class CodeCheck(Result):
         stack = "unknown to this compiler" if self.stack is None else f"{self.stack} bytes, without libm's own"
         fixed = self.signals["current"].step is not None
         what = "operations on the longest way" if fixed else "flops in the costliest sample of the test vector"
+        unit, error = self.unit, self.runs[self.worst].error
         lines = [
             f"{self.number}: {self.operations['flops']} {what} ({kinds})",
             f"  worst-case stack {stack}",
-            f"  largest difference from Python in doubles {self.runs[self.worst].error:.3g} A, in {self.worst}:",
+            f"  largest difference from Python in doubles {error:.3g} {unit}, in {self.worst}:",
         ]
         for name, run in self.runs.items():
             solver = "" if run.iterations is None else f" {run.iterations:>6} iterations, {run.unsolved} unsolved"
-            lines.append(f"    {name:<24} {run.samples:>7} samples {run.error:>10.3g} A{solver}")
+            lines.append(f"    {name:<24} {run.samples:>7} samples {run.error:>10.3g} {unit}{solver}")
         lines.append("  signals over all runs, SI:    largest      error" + "   last bit   headroom" * fixed)
         for name, signal in self.signals.items():
             scale = ""
@@ -107,10 +109,8 @@ class CodeCheck(Result):
                 scale = f" {signal.step:>10.3g} {room:>10}"
             lines.append(f"    {name:<24} {signal.largest:>10.3g} {signal.error:>10.3g}{scale}")
         if not self.usable:
-            lines.append(
-                f"  not usable: a difference of {self.runs[self.worst].error:.3g} A in {self.worst}; accepted are "
-                f"{self.tolerance:.3g} A"
-            )
+            limit = f"accepted are {self.tolerance:.3g} {unit}"
+            lines.append(f"  not usable: a difference of {error:.3g} {unit} in {self.worst}; {limit}")
         return "\n".join(lines)
 
 
@@ -157,7 +157,7 @@ def check_code(
         operations = worst_operations(embedded, vector.reference, vector.measured, only)
     figures = zip(("current", *traces), largest.tolist(), errors.tolist(), scales, strict=True)
     signals = {name: SignalCheck(most, error, *scale) for name, most, error, scale in figures}
-    return CodeCheck(number.word, operations, stack, checked, signals, deployment.tolerance)
+    return CodeCheck(number.word, operations, stack, checked, signals, deployment.tolerance, deployment.unit)
 
 
 def replay_signals(

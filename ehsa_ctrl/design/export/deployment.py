@@ -116,13 +116,15 @@ class Deployment:
     Attributes
     ----------
     name: of the controller. files: name -> text.
-    vector: the test vector. tolerance: of the test [A]. fixed: scales of fixed-point code; None for others.
+    vector: the test vector. tolerance: of the test [unit]. unit: of the drive, SI. fixed: scales of fixed-point code;
+        None for others.
     """
 
     name: str
     files: Mapping[str, str]
     vector: TestVector
     tolerance: float
+    unit: str = "A"
     fixed: FixedCode | None = None
 
     def write(
@@ -139,11 +141,12 @@ class Deployment:
 
     def __str__(self) -> str:
         vector = self.vector
-        lines = [f"{self.name}: {len(vector.current)} samples of a run as test vector, tolerance {self.tolerance:g} A"]
+        count, unit = len(vector.current), self.unit
+        lines = [f"{self.name}: {count} samples of a run as test vector, tolerance {self.tolerance:g} {unit}"]
         if vector.distance is not None and vector.iterations is not None:
             lines.append(
-                f"solver: {vector.fallbacks} of {len(vector.current)} samples unsolved, at most "
-                f"{int(vector.iterations.max())} iterations, at most {vector.distance:.3g} A from DAQP's solution"
+                f"solver: {vector.fallbacks} of {count} samples unsolved, at most {int(vector.iterations.max())} "
+                f"iterations, at most {vector.distance:.3g} {unit} from DAQP's solution"
             )
         return "\n".join(lines)
 
@@ -183,7 +186,8 @@ def export_controller(
         tolerance = TOLERANCE_FIXED[number.bits] * controller.current_limit
         vector = TestVector(reference, measured, replay(controller, reference, measured))
         code = write_fixed(controller, number, [(reference, measured), *runs])
-        return Deployment(controller.name, _fixed_files(code, vector, tolerance), vector, tolerance, code)
+        files = _fixed_files(code, vector, tolerance)
+        return Deployment(controller.name, files, vector, tolerance, controller.drive_unit, code)
     embedded = embedded_controller(controller)
     if isinstance(law, Mpc | ScheduledMpc):
         exact = replace(controller, law=exact_law(law))
@@ -191,7 +195,8 @@ def export_controller(
     else:
         vector = TestVector(reference, measured, replay(controller, reference, measured))
     written = embedded_controller(controller, number)
-    return Deployment(controller.name, _files(written, vector, tolerance, number), vector, tolerance)
+    files = _files(written, vector, tolerance, number)
+    return Deployment(controller.name, files, vector, tolerance, controller.drive_unit)
 
 
 def embedded_controller(controller: SampledController, number: NumberType = DOUBLES) -> SampledController:
@@ -251,6 +256,7 @@ def _context(controller: SampledController, vector: TestVector, tolerance: float
         "follows_force": controller.follows_force,
         "memory": controller.initial_memory().size,
         "tolerance": repr(tolerance),
+        "unit": controller.drive_unit,
     }
 
 

@@ -24,11 +24,13 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     fixed = signals["current"]["step"] is not None
     error = value_text(runs[worst]["error"], 1e-3, 3)
     usable = bool(content["usable"])
-    tolerance = f"accepted are {value_text(content['tolerance'], 1e-3, 3)} mA"
+    unit = f"m{content.get('unit', 'A')}"
+    drive = "current" if unit == "mA" else "drive"
+    tolerance = f"accepted are {value_text(content['tolerance'], 1e-3, 3)} {unit}"
     sentences: list[Sentence] = [
         (
-            f"{'Usable' if usable else 'Not usable'}: the current differs by at most {error} mA from that of Python in "
-            f"doubles, in {worst}; {tolerance}.",
+            f"{'Usable' if usable else 'Not usable'}: the {drive} differs by at most {error} {unit} from that of "
+            f"Python in doubles, in {worst}; {tolerance}.",
             usable,
         )
     ]
@@ -53,7 +55,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
                 [_signals(signals, fixed=fixed), *([Paragraph(SCALES)] if fixed else [])],
                 "signals",
             ),
-            Section("Runs", [_runs(runs)], "runs"),
+            Section("Runs", [_runs(runs, unit)], "runs"),
         ],
         facts=[
             ("cost", f"{operations['flops']} {what} ({kinds})"),
@@ -82,14 +84,14 @@ def _signals(signals: Mapping[str, Any], *, fixed: bool) -> Table:
     return Table("Signals over all runs: largest magnitude, and largest difference from Python", head, rows)
 
 
-def _runs(runs: Mapping[str, Any]) -> Table:
+def _runs(runs: Mapping[str, Any], unit: str) -> Table:
     solver = any(one["iterations"] is not None for one in runs.values())
-    head = ["run", "samples", "error\nmA", *(["iterations", "unsolved"] if solver else [])]
+    head = ["run", "samples", f"error\n{unit}", *(["iterations", "unsolved"] if solver else [])]
     rows = []
     for name, one in runs.items():
         row = [name, str(one["samples"]), value_text(one["error"], 1e-3, 3)]
         rows.append([*row, *([value_text(one["iterations"]), str(one["unsolved"])] if solver else [])])
-    return Table("Every run replayed by the compiled code: largest difference of the current", head, rows)
+    return Table("Every run replayed by the compiled code: largest difference", head, rows)
 
 
 KIND = Kind("check.json", "exported code", _read)
