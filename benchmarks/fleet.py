@@ -28,6 +28,7 @@ import numpy as np
 
 import ehsa_ctrl as e
 from ehsa_ctrl.core.files import read_json
+from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.fleet.analyse import analyse_fleet
 from ehsa_ctrl.fleet.changes import ChangeTest, Names, RigScores, Scan, scan
 from ehsa_ctrl.fleet.drifts import drifts
@@ -100,10 +101,12 @@ def large(folder: Path, copies: int, plant: e.Plant) -> None:
                 os.link(part, link)
         began = time.process_time()
         found = analyse_fleet(plant, Path(place) / "logs", store=other.folder, diagnose=False)
+        analysed = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+        size = len(to_json(found.to_dict())) / 1e6
         took = time.process_time() - began
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"{found.log_count} known logs of {len(found.rigs)} rigs: {took:.0f} s of processor time, at most "
-          f"{peak:.2f} GB of memory")  # fmt: skip
+          f"{analysed:.2f} GB of memory, {peak:.2f} GB with fleet.json of {size:.0f} MB")  # fmt: skip
 
 
 def discoveries(scans: list[Scan], names: Names) -> set[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, choices
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Rows of a table in the printed result.
 MOST_ROWS = 40
+#: Rigs with their series in fleet.json: as many as the page shows. The store's table `estimates` has those of all.
+MOST_SERIES = 400
 
 
 @dataclass(frozen=True)
@@ -230,10 +232,13 @@ class Fleet(Result):
     def to_dict(self) -> dict[str, Any]:
         """Content of fleet.json."""
         counts = {"rigs": len(self.rigs), "logs": self.log_count, "changed": len(self.changed)}
+        first = sorted(self.rigs, key=lambda rig: (not rig.changed, rig.p if rig.changed else 0.0, not rig.unlike))
+        shown = {rig.name for rig in first[:MOST_SERIES]}
+        rigs = [rig if rig.name in shown else replace(rig, series={}) for rig in self.rigs]
         return {
             **as_dict(self, "plant rate"), "counts": counts,
             **as_dict(
-                self, "causes rigs parameters drifts failed notes computed kept truth",
+                self, "causes parameters drifts failed notes computed kept truth", rigs=rigs,
                 score=self.score() if self.truth else None, provenance=versions(),
             ),
         }  # fmt: skip
