@@ -288,22 +288,20 @@ def _size(change: RigChange, names: Names, plant: Plant) -> dict[str, dict[str, 
     return dict(sorted(size.items(), key=lambda item: -(item[1]["change"] ** 2) / item[1]["sd"] ** 2))
 
 
-def _series(
-    rig: RigScores, names: Names, fleet: RandomEffects, number: int, causes: set[str]
-) -> dict[str, list[tuple[float, float]]]:
-    """Parameter or cause -> (deviation from nominal, sd) of each log, the other parameters as the rig has them."""
+def _series(rig: RigScores, names: Names, fleet: RandomEffects, number: int, causes: set[str]) -> dict[str, np.ndarray]:
+    """Parameter or cause -> (logs, 2) deviation from nominal and its sd, the other parameters as the rig has them."""
     n = names.nominal
     x = fleet.units[number]
     left = rig.score - rig.information[:, :, :n] @ x
     of_cause = {cause: int(own[0]) for cause, own in names.causes.items() if cause in causes and own[0] >= n}
     found = {}
     for name, i in {**{names.names[i]: i for i in range(n)}, **of_cause}.items():
-        known = rig.information[:, i, i]
-        at = x[i] if i < n else 0.0
-        found[name] = [
-            (float((at + u / h) * names.scale[i]), float(names.scale[i] / np.sqrt(h))) if h > 0.0 else (np.nan, np.inf)
-            for u, h in zip(left[:, i], known, strict=True)
-        ]
+        known, at = rig.information[:, i, i], x[i] if i < n else 0.0
+        values = np.full((known.size, 2), [np.nan, np.inf])
+        sees = known > 0.0
+        values[sees, 0] = (at + left[sees, i] / known[sees]) * names.scale[i]
+        values[sees, 1] = names.scale[i] / np.sqrt(known[sees])
+        found[name] = values
     return found
 
 

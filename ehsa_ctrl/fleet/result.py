@@ -12,6 +12,7 @@ from ..core.text import join_words
 from ..simulation.trajectory import versions
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas
 
     from .store import Store
@@ -91,8 +92,8 @@ class FleetRig:
     p, q: probability of a change as large by chance, and the false-discovery rate at which it counts.
     unlike: cause by which the rig differs from its fleet in all logs before a change, empty if it does not; unlike_p,
         unlike_q as p and q.
-    series: cause or parameter -> [value, sd] of each log, as deviation from nominal, other parameters as fitted to all
-        of the rig's logs.
+    series: cause or parameter -> (logs, 2) value and its sd, as deviation from nominal, other parameters as fitted to
+        all of the rig's logs.
     """
 
     name: str
@@ -115,7 +116,7 @@ class FleetRig:
     unlike_p: float = 1.0
     unlike_q: float = 1.0
     diagnosis: RigDiagnosis | None = None
-    series: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict, repr=False)
+    series: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def words(self) -> str:
