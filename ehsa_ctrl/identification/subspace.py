@@ -100,16 +100,17 @@ def identify_subspace(
     if not all(scales.values()):
         raise InputError("subspace identification: an output is constant; leave it out")
     y = np.array([(signal - signal.mean()) / scales[name] for name, signal in outputs.items()])
-    impulse = np.atleast_3d(control.markov(y, u[None, :], length, dt=sample_time, truncate=True))
+    # In units of samples: with a sample time, python-control 0.10.2 scales B by it and leaves D as it is.
+    impulse = np.atleast_3d(control.markov(y, u[None, :], length, dt=True, truncate=True))
     impulse = impulse.reshape(len(outputs), 1, length)
-    _, values = control.eigensys_realization(impulse, 1, m=blocks, n=blocks, dt=sample_time)
+    _, values = control.eigensys_realization(impulse, 1, m=blocks, n=blocks, dt=True)
     if order is None:
         level = max(ABOVE_NOISE * values[LARGEST_ORDER], SMALLEST * values[0])
         order = max(int(np.count_nonzero(values[:LARGEST_ORDER] > level)), 1)
     if not 1 <= order < blocks:
         raise InputError(f"subspace identification: order = {order}; expected 1 to {blocks - 1}")
     for tried in range(order, 0, -1):
-        found, _ = control.eigensys_realization(impulse, tried, m=blocks, n=blocks, dt=sample_time)
+        found, _ = control.eigensys_realization(impulse, tried, m=blocks, n=blocks, dt=True)
         order = tried
         if np.max(np.abs(found.poles())) < 1.0:
             break

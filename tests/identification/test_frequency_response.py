@@ -1,9 +1,12 @@
 """Frequency responses of known systems: exact lines, calibrated errors, what noise and what friction make."""
 
+import control
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 
 import ehsa_ctrl as e
+from ehsa_ctrl.identification.comparison import fit_percent
 from ehsa_ctrl.identification.frequency_signals import model_response
 from ehsa_ctrl.identification.spectra import find_period, periodic_response, spectral_response
 
@@ -143,6 +146,32 @@ def test_a_subspace_model_has_the_plants_poles(linear):
     assert found.order == 3 and time.size == current.size
     np.testing.assert_allclose(poles, np.sort_complex(e.three_state(linear, position=False).poles()), rtol=2e-3)
     assert min(found.fit_percent.values()) > 99.0
+
+
+def test_a_subspace_model_has_the_feedthrough_of_the_data():
+    """y = x + 0.5 u with noise, at a sample time far from 1 s."""
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(4000)
+    system = control.ss([[0.9]], [[1.0]], [[0.3]], [[0.5]], T_S)
+    y = control.forced_response(system, T_S * np.arange(u.size), u).outputs + 0.01 * rng.standard_normal(u.size)
+    found = e.identify_subspace(u, {"y": y}, T_S, order=1)
+
+    assert found.system.D[0, 0] == pytest.approx(0.5, abs=0.01)
+    assert found.system.poles()[0].real == pytest.approx(0.9, abs=0.01)
+    assert found.fit_percent["y"] > 97.0
+
+
+def test_under_friction_a_subspace_model_is_as_good_as_a_linear_one_can_be():
+    """Least squares over 200 past samples of the drive, the best linear model of that memory: 68 % of the speed."""
+    current = 3.0 * np.random.default_rng(1).uniform(-1.0, 1.0, 8000)
+    speed = e.simulate(e.load_plant("ehsa"), current, sample_time=T_S)["omega"][: current.size]
+    found = e.identify_subspace(current, {"speed": speed}, T_S)
+    past = toeplitz(current - current.mean(), np.zeros(200))
+    measured = speed - speed.mean()
+    best = fit_percent(measured, past @ np.linalg.lstsq(past, measured, rcond=None)[0])
+
+    assert best > 60.0
+    assert best - 5.0 < found.fit_percent["speed"] < best + 0.5
 
 
 @pytest.mark.parametrize(
