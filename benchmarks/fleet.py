@@ -81,7 +81,9 @@ def others(rigs: list[RigScores], names: Names, plant: e.Plant) -> tuple[int, in
     unlike = false_discovery_rates([1.0 if one is None else one.p for one in outliers(rigs, names, fleet)])
     logs = {rig.name: [FleetLog(Path(), rig.name, datetime.fromtimestamp(DAY * d, UTC), "name") for d in rig.days]
             for rig in rigs}  # fmt: skip
-    return len(drifts(moved, names, plant, RATE, logs, ())), int(np.sum(unlike <= RATE))
+    return len(drifts(moved, names, plant, RATE, logs, (), {one.rig: one for one in moved}.__getitem__)), int(
+        np.sum(unlike <= RATE)
+    )
 
 
 def large(folder: Path, copies: int, plant: e.Plant) -> None:

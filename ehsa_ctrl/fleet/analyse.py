@@ -46,8 +46,8 @@ class _Rig:
     logs: tuple[FleetLog, ...]
     keys: tuple[str, ...]
 
-    def scores(self, store: Store) -> list[LogScore]:
-        return [store.get(key) for key in self.keys]
+    def scores(self, store: Store) -> Iterator[LogScore]:
+        return (store.get(key) for key in self.keys)
 
     @property
     def days(self) -> list[float]:
@@ -184,11 +184,27 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         if watch is not None:
             watch(stage, done, len(rigs))
 
-    names = Names.of(score for rig in rigs for score in rig.scores(store))
+    rms: dict[str, tuple[float, float]] = {}
+
+    def read() -> Iterator[LogScore]:
+        for rig in rigs:
+            for key, one in zip(rig.keys, rig.scores(store), strict=True):
+                rms[key] = one.rms
+                yield one
+
+    names = Names.of(read())
+    n, own_names, by_name = names.nominal, names.of_parameters(), {rig.name: i for i, rig in enumerate(rigs)}
+    score, information = np.zeros((len(rigs), n)), np.zeros((len(rigs), n, n))
+
+    def add(one: RigScores) -> None:
+        i = by_name[one.name]
+        score[i], information[i] = one.score[:, :n].sum(axis=0), one.information[:, :n, :n].sum(axis=0)
+
     scans, moved = [], []
     for done, one in enumerate(_scores(store, rigs, names), 1):
         scans.append(scan(one, names).statistics)
-        moved.append(scan(one, names.of_parameters()))
+        moved.append(scan(one, own_names).statistics)
+        add(one)
         report("changes", done)
     test = ChangeTest.of(scans, names)
     p = [1.0 if test is None else test.p(one) for one in scans]
@@ -199,15 +215,12 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     for one in _scores(store, significant, names):
         if test is not None and (change := test.change(scan(one, names))) is not None:
             changed[one.name] = (test.steps(one, limit) if change.first > 0 else []) or [change]
-    score, information = [], []
-    for one in _scores(store, rigs, names):
-        before = _unchanged(one, changed.get(one.name))
-        n = names.nominal
-        score.append(before.score[:, :n].sum(axis=0))
-        information.append(before.information[:, :n, :n].sum(axis=0))
+            add(_unchanged(one, changed[one.name]))
     # What the logs of an unchanged rig say differs by more than one log's own uncertainty.
     between_logs = scatter([one.statistic for one in moved if one.times])
-    fleet = random_effects(np.array(score) / between_logs, np.array(information) / between_logs)
+    score /= between_logs
+    information /= between_logs
+    fleet = random_effects(score, information)
     before_change = (_unchanged(one, changed.get(one.name)) for one in _scores(store, rigs, names))
     unlike = outliers(before_change, names, fleet)
     unlike_q = false_discovery_rates([1.0 if one is None else one.p for one in unlike])
@@ -216,13 +229,13 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
     }
     rows = []
     for i, rig in enumerate(rigs):
-        other, scores = unlike[i], rig.scores(store)
-        deviations = _series(names.rig(rig.name, rig.days, scores), names, fleet, i, shown)
+        other = unlike[i]
+        deviations = _series(names.rig(rig.name, rig.days, rig.scores(store)), names, fleet, i, shown)
         row = FleetRig(
             rig.name,
             tuple(
-                LogLine(str(log.path), _place(log.path, store.folder), log.date.isoformat(), log.dated, one.rms)
-                for log, one in zip(rig.logs, scores, strict=True)
+                LogLine(str(log.path), _place(log.path, store.folder), log.date.isoformat(), log.dated, rms[key])
+                for log, key in zip(rig.logs, rig.keys, strict=True)
             ),
             p=p[i], q=float(q[i]), series=deviations,
         )  # fmt: skip
@@ -239,6 +252,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
         drifts(
             moved, names, plant, rate, {rig.name: rig.logs for rig in rigs},
             {name for name, several in changed.items() if several[0].first > 0},
+            lambda name: scan(next(_scores(store, [rigs[by_name[name]]], names)), own_names),
         ), tuple(names.causes),
     )  # fmt: skip
 
@@ -332,7 +346,7 @@ def _before(plant: Plant, store: Store, rigs: Sequence[_Rig], result: Fleet) -> 
         last = place[row.file] if row.kind == "step" else 1
         # From the step before on, if the rig changed more than once.
         first = max((place[one.file] for one in row.further if place[one.file] < last), default=0)
-        scores = rig.scores(store)[first:last]
+        scores = list(replace(rig, keys=rig.keys[first:last]).scores(store))
         names = Names.of(scores)
         one = names.rig(rig.name, rig.days[first:last], scores)
         own = [i for i, name in enumerate(names.names[: names.nominal]) if name in known]

@@ -11,7 +11,7 @@ Benjamini and Hochberg over the rigs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,8 @@ PER_PARAMETER = 4.0
 #: A cause explains a change as well as the best one within this difference of the statistic, or this share of it: the
 #: effect is not linear in its size, as the score test assumes.
 AS_WELL, AS_WELL_SHARE = 9.0, 0.05
+#: Steps that are scanned at once, so that a rig of thousands of logs needs little memory.
+BLOCK = 100
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,11 @@ class Names:
         causes = {name: np.array([i]) for i, name in enumerate(self.names[: self.nominal])}
         return Names(self.names, self.nominal, self.scale, causes)
 
-    def rig(self, name: str, days: Sequence[float], scores: Sequence[LogScore]) -> RigScores:
+    def rig(self, name: str, days: Sequence[float], scores: Iterable[LogScore]) -> RigScores:
         """The scores of a rig's logs, in units of these names. days: of each log, ascending."""
-        k = len(self.names)
+        n, k = len(days), len(self.names)
         at = {one: i for i, one in enumerate(self.names)}
-        g, H = np.zeros((len(scores), k)), np.zeros((len(scores), k, k))
+        g, H = np.zeros((n, k)), np.zeros((n, k, k))
         for i, one in enumerate(scores):
             place = np.array([at[n] for n in one.names])
             factor = self.scale[place] / one.scale
@@ -128,28 +130,51 @@ def scan(rig: RigScores, names: Names, *, drift: bool = True) -> Scan:
     """
     n = len(rig.days)
     times = [*range(1, n)] if n > 1 else []
-    profiles = [np.arange(n) >= first for first in times]
     span = float(rig.days[-1] - rig.days[0]) if n else 0.0
     if drift and n > 2 and span > 0.0:
         times.append(-1)
-        profiles.append((rig.days - np.mean(rig.days)) / span)
-    w = np.array(profiles, dtype=float).reshape(len(times), n)
-    # (times, k, k) and (times, k): sums over logs with the weights of each time.
-    once = np.einsum("tn,nij->tij", w, rig.information)
-    twice = np.einsum("tn,nij->tij", w**2, rig.information)
-    moved, total, g = w @ rig.score, rig.information.sum(axis=0), rig.score.sum(axis=0)
-    statistic, parameters = np.zeros((len(names.causes), len(times))), np.zeros(len(names.causes))
-    size, variance = {}, {}
+    total, g = rig.information.sum(axis=0), rig.score.sum(axis=0)
+    causes = names.causes
+    statistic, parameters = np.zeros((len(causes), len(times))), np.zeros(len(causes))
+    size = {cause: np.zeros((len(times), len(own))) for cause, own in causes.items()}
+    variance = {cause: np.zeros((len(times), len(own))) for cause, own in causes.items()}
     prior = np.where(np.arange(g.size) < names.nominal, 1.0, ALWAYS**-2)
-    gain = np.linalg.solve(total + np.diag(prior), once.transpose(0, 2, 1))
-    left = twice - once @ gain
-    score = moved - np.einsum("tij,i->tj", gain, g)
-    for row, (cause, own) in enumerate(names.causes.items()):
-        step, spread, rank = _solve(left[:, own[:, None], own], score[:, own], twice[:, own, own])
-        statistic[row] = np.maximum(np.einsum("ti,ti->t", step, score[:, own]), 0.0)
-        parameters[row] = np.max(rank, initial=0)
-        size[cause], variance[cause] = step, spread
+    for part, once, twice, moved in _profiles(rig, len(times)):
+        gain = np.linalg.solve(total + np.diag(prior), once.transpose(0, 2, 1))
+        left = twice - once @ gain
+        score = moved - np.einsum("tij,i->tj", gain, g)
+        for row, (cause, own) in enumerate(causes.items()):
+            step, spread, rank = _solve(left[:, own[:, None], own], score[:, own], twice[:, own, own])
+            statistic[row, part] = np.maximum(np.einsum("ti,ti->t", step, score[:, own]), 0.0)
+            parameters[row] = max(parameters[row], np.max(rank, initial=0))
+            size[cause][part], variance[cause][part] = step, spread
     return Scan(rig.name, tuple(times), statistic, parameters, size, variance)
+
+
+def _profiles(rig: RigScores, times: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
+    """Sums over logs with the weights of a step, 0 before it and 1 after, or of a drift, some steps at a time.
+
+    times: number of times of the scan: a step before each log but the first, and the drift if there is one more.
+
+    Yields which times; the information with the weights (t, k, k), with their squares, and the score (t, k).
+    """
+    n, k = rig.score.shape
+    information, score = np.zeros((k, k)), np.zeros(k)
+    # From the last step back, so that what comes after a block is one sum.
+    for last in range(n, 1, -BLOCK):
+        first = max(last - BLOCK, 1)
+        once = np.cumsum(rig.information[first:last][::-1], axis=0)[::-1] + information
+        moved = np.cumsum(rig.score[first:last][::-1], axis=0)[::-1] + score
+        information, score = once[0], moved[0]
+        if last < n or times < n:
+            yield slice(first - 1, last - 1), once, once, moved
+            continue
+        w = (rig.days - np.mean(rig.days)) / float(rig.days[-1] - rig.days[0])
+        drift, squared = (np.tensordot(each, rig.information, 1)[None] for each in (w, w**2))
+        yield (
+            slice(first - 1, n), np.concatenate([once, drift]), np.concatenate([once, squared]),
+            np.concatenate([moved, (w @ rig.score)[None]]),
+        )  # fmt: skip
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -36,17 +36,23 @@ def outliers(rigs: Iterable[RigScores], names: Names, fleet: RandomEffects) -> l
     rigs: their logs before any change, one by one. fleet: of the plant's parameters, whose spread is the prior of a
     unit.
     """
-    rig_names, estimates = [], []
+    rig_names, values, variances = [], [], []
     for rig in rigs:
+        H, g = rig.information.sum(axis=0), rig.score.sum(axis=0)
+        found = [_estimate(H, g, names.nominal, own, fleet) for own in names.causes.values()]
         rig_names.append(rig.name)
-        estimates.append([_estimate(rig, names, own, fleet) for own in names.causes.values()])
+        # An array a rig: thousands of small ones would take most of the memory.
+        values.append(np.concatenate([value for value, _ in found]))
+        variances.append(np.concatenate([variance for _, variance in found]))
     if len(rig_names) < ENOUGH_RIGS:
         return [None] * len(rig_names)
     statistic = np.zeros((len(rig_names), len(names.causes)))
     parameters = np.zeros(len(names.causes))
     sizes: list[np.ndarray] = []
-    for column, own in enumerate(names.causes.values()):
-        value, variance = (np.array([one[column][i] for one in estimates]) for i in (0, 1))
+    every = [np.array(values), np.array(variances)]
+    ends = np.cumsum([len(own) for own in names.causes.values()]).tolist()
+    for column, (own, end) in enumerate(zip(names.causes.values(), ends, strict=True)):
+        value, variance = (one[:, end - len(own) : end] for one in every)
         known = np.isfinite(variance)
         parameters[column] = np.any(known.sum(axis=0) >= ENOUGH_RIGS)
         difference = np.zeros_like(value)
@@ -57,8 +63,8 @@ def outliers(rigs: Iterable[RigScores], names: Names, fleet: RandomEffects) -> l
             difference[seen, i] = value[seen, i] - np.median(value[seen, i])
             spread = robust_variance(difference[seen, i], variance[seen, i])
             # The largest of several, so that a cause with many parameters is not favoured.
-            found = difference[seen, i] ** 2 / (variance[seen, i] + spread)
-            statistic[seen, column] = np.maximum(statistic[seen, column], found)
+            one = difference[seen, i] ** 2 / (variance[seen, i] + spread)
+            statistic[seen, column] = np.maximum(statistic[seen, column], one)
         sizes.append(difference)
     if not parameters.any():
         return [None] * len(rig_names)
@@ -72,9 +78,13 @@ def outliers(rigs: Iterable[RigScores], names: Names, fleet: RandomEffects) -> l
     ]
 
 
-def _estimate(rig: RigScores, names: Names, own: np.ndarray, fleet: RandomEffects) -> tuple[np.ndarray, np.ndarray]:
-    """Deviation (m,) of a cause's parameters from nominal, and variance (m,), infinite where the logs say nothing."""
-    H, g, n = rig.information.sum(axis=0), rig.score.sum(axis=0), names.nominal
+def _estimate(
+    H: np.ndarray, g: np.ndarray, n: int, own: np.ndarray, fleet: RandomEffects
+) -> tuple[np.ndarray, np.ndarray]:
+    """Deviation (m,) of a cause's parameters from nominal, and variance (m,), infinite where the logs say nothing.
+
+    H (k, k), g (k,): information and score of a rig. n: number of parameters of the plant. own (m,): of the cause.
+    """
     free = np.concatenate([np.arange(n), own[own >= n]])
     prior = np.full(free.size, 1.0 / NO_PRIOR)
     mean = np.zeros(free.size)

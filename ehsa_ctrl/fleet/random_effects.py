@@ -10,6 +10,7 @@ the spread.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ import numpy as np
 ITERATIONS, CONVERGED = 2000, 1e-5
 #: Smallest spread, in units of x: below it a spread counts as none.
 LEAST = 1e-4
+#: Units that are computed at once, so that a large fleet needs little memory.
+BLOCK = 1000
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,15 @@ def _own_covariance(information: np.ndarray, variance: np.ndarray) -> np.ndarray
     """Covariance (R, k, k) of each unit given the fleet's mean: (H_r + T^-1)^-1."""
     # In units of the spread, so that a spread near zero is harmless.
     root = np.sqrt(variance)
-    scaled = information * root[:, None] * root
-    return np.linalg.inv(scaled + np.eye(variance.size)) * root[:, None] * root
+    found = np.empty_like(information)
+    for part in _blocks(len(information)):
+        scaled = information[part] * root[:, None] * root
+        found[part] = np.linalg.inv(scaled + np.eye(variance.size)) * root[:, None] * root
+    return found
+
+
+def _blocks(units: int) -> Iterator[slice]:
+    return (slice(first, first + BLOCK) for first in range(0, units, BLOCK))
 
 
 def _posterior(
@@ -77,17 +87,23 @@ def _posterior(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Mean (k,) with its variance (k,), units (R, k), and variance of unit minus mean (R, k), given the spread."""
     own = _own_covariance(information, variance)
-    # V_r = (H_r + T^-1)^-1 and I - V_r H_r = V_r T^-1: what is left of the mean in a unit's estimate.
-    left = own / variance
-    # The information of unit r on the mean: H_r - H_r V_r H_r = H_r V_r T^-1.
-    on_mean = information @ left
-    total = np.sum((on_mean + on_mean.transpose(0, 2, 1)) / 2.0, axis=0)
-    right = np.sum(np.einsum("rij,rj->ri", left.transpose(0, 2, 1), score), axis=0)
+    k = variance.size
+    total, right = np.zeros((k, k)), np.zeros(k)
+    for part in _blocks(len(own)):
+        # V_r = (H_r + T^-1)^-1 and I - V_r H_r = V_r T^-1: what is left of the mean in a unit's estimate.
+        left = own[part] / variance
+        # The information of unit r on the mean: H_r - H_r V_r H_r = H_r V_r T^-1.
+        on_mean = information[part] @ left
+        total += np.sum((on_mean + on_mean.transpose(0, 2, 1)) / 2.0, axis=0)
+        right += np.einsum("rij,ri->j", left, score[part])
     size = np.sqrt(np.maximum(np.diag(total), 1e-300))
     inverse = np.linalg.pinv(total / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
     mean = inverse @ right
-    units = np.einsum("rij,rj->ri", own, score) + np.einsum("rij,j->ri", left, mean)
-    # Unit minus mean also moves with the mean's own error.
-    moves = left - np.eye(variance.size)
-    of_difference = np.einsum("rii->ri", own) + np.einsum("rij,jk,rik->ri", moves, inverse, moves)
+    units, of_difference = np.empty_like(score), np.empty_like(score)
+    for part in _blocks(len(own)):
+        left = own[part] / variance
+        units[part] = np.einsum("rij,rj->ri", own[part], score[part]) + left @ mean
+        # Unit minus mean also moves with the mean's own error.
+        moves = left - np.eye(k)
+        of_difference[part] = np.einsum("rii->ri", own[part]) + np.einsum("rij,rij->ri", moves @ inverse, moves)
     return mean, np.diag(inverse).copy(), units, of_difference

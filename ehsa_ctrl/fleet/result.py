@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Rows of a table in the printed result.
 MOST_ROWS = 40
-#: Rigs with their series in fleet.json: as many as the page shows. The store's table `estimates` has those of all.
+#: Rigs with their logs and series in fleet.json: as many as the page shows. The store's tables have those of all.
 MOST_SERIES = 400
 
 
@@ -235,7 +235,7 @@ class Fleet(Result):
         counts = {"rigs": len(self.rigs), "logs": self.log_count, "changed": len(self.changed)}
         first = sorted(self.rigs, key=lambda rig: (not rig.changed, rig.p if rig.changed else 0.0, not rig.unlike))
         shown = {rig.name for rig in first[:MOST_SERIES]}
-        rigs = [rig if rig.name in shown else replace(rig, series={}) for rig in self.rigs]
+        rigs = [rig if rig.name in shown else replace(rig, logs=(), series={}) for rig in self.rigs]
         return {
             **as_dict(self, "plant rate"), "counts": counts,
             **as_dict(

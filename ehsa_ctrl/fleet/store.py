@@ -108,7 +108,7 @@ class Store:
 
         path = self.part(key)
         try:
-            (row,) = parquet.ParquetFile(path).read().to_pylist()
+            (row,) = parquet.ParquetFile(path).read(use_threads=False).to_pylist()
             k = len(row["names"])
             matrix = np.zeros((k, k))
             matrix[np.triu_indices(k)] = np.frombuffer(row["information"], dtype=np.float32)

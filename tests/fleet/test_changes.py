@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ehsa_ctrl.fleet import changes as module
 from ehsa_ctrl.fleet.changes import ChangeTest, Names, scan
 from ehsa_ctrl.fleet.null import false_discovery_rates, largest_null, scatter
 from ehsa_ctrl.fleet.outliers import robust_variance
@@ -177,3 +178,27 @@ def test_the_scatter_between_logs_is_that_of_the_scores():
     assert scatter(statistics) == pytest.approx(3.0, rel=0.2)
     assert scatter([0.2 * one for one in statistics]) == 1.0
     assert scatter([]) == 1.0
+
+
+@pytest.mark.parametrize("drift", [True, False])
+def test_a_rig_of_many_logs_is_scanned_in_blocks(monkeypatch, drift):
+    """Blocks of three steps give what weighted sums over all logs give; the drift comes last."""
+    random = np.random.default_rng(6)
+    logs = [made_up([0.0, 0.0, 1.0 * (log > 4)], random) for log in range(11)]
+    names = Names.of(logs)
+    rig = names.rig("rig", np.arange(11.0) ** 1.5, logs)
+    whole = scan(rig, names, drift=drift)
+    weights = [np.arange(11) >= first for first in range(1, 11)]
+    weights += [(rig.days - rig.days.mean()) / (rig.days[-1] - rig.days[0])] * drift
+    monkeypatch.setattr(module, "BLOCK", 3)
+    found = list(module._profiles(rig, len(whole.times)))
+    parts = scan(rig, names, drift=drift)
+
+    assert sorted(k for part, *_ in found for k in range(part.start, part.stop)) == list(range(len(weights)))
+    for part, once, twice, moved in found:
+        for k, own in enumerate(range(part.start, part.stop)):
+            w = np.asarray(weights[own], dtype=float)
+            assert once[k] == pytest.approx(sum(a * H for a, H in zip(w, rig.information, strict=True)))
+            assert twice[k] == pytest.approx(sum(a**2 * H for a, H in zip(w, rig.information, strict=True)))
+            assert moved[k] == pytest.approx(w @ rig.score)
+    assert parts.statistic == pytest.approx(whole.statistic) and parts.times == whole.times

@@ -19,7 +19,8 @@ def drifts_of(fleet, plant, tmp_path, stepped=()):
     logs = {rig: [log for log in find_logs([tmp_path]) if log.rig == rig] for rig in fleet}
     names = Names.of(score for scores in fleet.values() for score in scores)
     scans = [scan(names.rig(rig, np.arange(len(s)), s), names.of_parameters()) for rig, s in fleet.items()]
-    return drifts(scans, names, plant, 0.05, logs, stepped)
+    sized = {one.rig: one for one in scans}
+    return drifts([one.statistics for one in scans], names, plant, 0.05, logs, stepped, sized.__getitem__)
 
 
 def test_a_trend_is_found_with_its_slope(plant, tmp_path):

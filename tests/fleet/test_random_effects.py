@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ehsa_ctrl.fleet import random_effects as module
 from ehsa_ctrl.fleet.random_effects import random_effects
 
 
@@ -64,3 +65,17 @@ def test_correlated_estimates_give_the_true_spreads():
 
     assert found.spread == pytest.approx(true, rel=0.2)
     assert np.all(np.abs(found.mean - [0.3, -0.2]) < 4.0 * found.mean_sd)
+
+
+def test_blocks_of_units_give_the_same_fleet(monkeypatch):
+    """Thirty units at once, and in blocks of seven, the last of which is shorter."""
+    random = np.random.default_rng(4)
+    roots = random.standard_normal((30, 3, 3))
+    score, information = random.standard_normal((30, 3)), roots @ roots.transpose(0, 2, 1)
+
+    whole = random_effects(score, information)
+    monkeypatch.setattr(module, "BLOCK", 7)
+    parts = random_effects(score, information)
+
+    for name in ("mean", "mean_sd", "spread", "units", "units_sd", "determined"):
+        assert getattr(parts, name) == pytest.approx(getattr(whole, name), rel=1e-9, abs=1e-12)
