@@ -416,6 +416,31 @@ def test_a_term_that_a_refit_gives_up_is_left_out(servo):
     assert refitted.reduced.factors == (-0.4,)
 
 
+@pytest.mark.parametrize(("share", "ends"), [(1.0, False), (0.5, True)])
+def test_an_end_value_that_the_log_does_not_reach_is_tried_in_proportion_to_time(share, ends):
+    """With the same slope at the start; a time constant within its bounds stays."""
+    grammar = with_memories(case(lambda x, v, d: 0.0 * x), *over_time({"v": ("v",)}, 24.0))[0]
+    found = next(one for one in grammar.memories if "exp" in one.text)
+    term = Term(found.text, frozenset(found.on), {"tau": 24.0}, found.units, found.memory)
+    law = LawFit(grammar, (term,), (300.0,), (3.0,), 0.7)
+    definition = definition_of(law, [])
+    own = definition.parameters["c_tau_1"]
+    tau = share * own.bounds[1]
+    parameters = definition.parameters | {"c_tau_1": own.model_copy(update={"value": tau})}
+    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": parameters}), Begin(), None, {})
+    other = refitted.proportional
+
+    if ends:
+        assert other is None
+        return
+    assert other.terms[0].text == "v * memory" and other.terms[0].shapes == {}
+    assert other.factors == (pytest.approx(300.0 / tau),) and other.sd == (pytest.approx(3.0 / tau),)
+    early = slice(0, 100)
+    values = [one.factors[0] * grammar.values(one.terms[0])[early] for one in (refitted.refitted, other)]
+    np.testing.assert_allclose(values[1], values[0], rtol=100 * 0.004 / tau, atol=1e-12)
+    assert "exp" not in definition_of(other, []).expression
+
+
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"
 EMPS = Path(__file__).parents[3] / "shared" / "data" / "emps" / "train.csv"
 #: Effects of friction beyond the believed one.

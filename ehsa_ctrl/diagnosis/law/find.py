@@ -134,7 +134,7 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     chosen = [*held, *promising(sums, scoring, base.fit, most, pool)]
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
-    rest = [one.reduced for one in refitted if not one.stable]
+    rest = [one.reduced for one in refitted if not one.stable] + [one.proportional for one in refitted]
     smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in rest if one is not None])
     return [
         _Tried(one, base, by_name[one.law.grammar.name], placebos[one.law.grammar.name])

@@ -18,11 +18,13 @@ from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
 from .grammar import Term
-from .memory import RATE, STATE
+from .memory import RATE, STATE, TOWARDS_END
 from .regression import STABLE, LawFit
 
 #: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
 STEPS, RENEW = 6, 2
+#: A refitted number this near to its upper bound is at it.
+AT_BOUND = 0.99
 #: A width may change by this factor, a location by this share of the variable's range. Engineering judgement.
 WIDER, FARTHER = 5.0, 0.5
 #: Local name of a state of a term -> what it is called in the definition, between a prefix and a number.
@@ -75,6 +77,24 @@ class FreeRunLaw:
             return None
         factors, terms, sd = zip(*rows, strict=True)
         return replace(law, terms=terms, factors=factors, sd=sd)
+
+    @property
+    def proportional(self) -> LawFit | None:
+        """With terms in proportion to time in the place of those towards an end value whose time constant ended at its
+        upper bound, which the log does not reach; None without one.
+        """
+        law, numbers = self.refitted, iter(self.file.parameters.values())
+        rows = []
+        for factor, sd, term in zip(law.factors, law.sd, law.terms, strict=True):
+            next(numbers)
+            bounds = [next(numbers).bounds for _ in term.shapes]
+            if TOWARDS_END in term.text and bounds[0] and term.shapes["tau"] >= AT_BOUND * bounds[0][1]:
+                tau, text = term.shapes["tau"], term.text.replace(TOWARDS_END, STATE)
+                rows.append((factor / tau, sd / tau, replace(term, text=text, shapes={}, units={})))
+            else:
+                rows.append((factor, sd, term))
+        factors, sds, terms = zip(*rows, strict=True)
+        return None if terms == law.terms else replace(law, factors=factors, sd=sds, terms=terms)
 
 
 def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:

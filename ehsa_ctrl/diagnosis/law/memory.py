@@ -32,6 +32,8 @@ ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
 
 #: Local name of a state in terms and rates; a second one has the rate of the first.
 STATE, RATE = "memory", "memory_rate"
+#: What goes towards an end value with the running time; long before its time constant tau it is STATE / tau.
+TOWARDS_END = f"(1 - exp(-{STATE} / tau))"
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def over_time(bases: Mapping[str, tuple[str, ...]], seconds: float) -> Iterator[
         yield MemoryTerm(f"{times}{STATE}", clock(), {}, {}, (*on, "time"))
         for share in SLOW_SHARES:
             shapes = {"tau": share * seconds}
-            yield MemoryTerm(f"{times}(1 - exp(-{STATE} / tau))", clock(), shapes, {"tau": "s"}, (*on, "time"))
+            yield MemoryTerm(f"{times}{TOWARDS_END}", clock(), shapes, {"tau": "s"}, (*on, "time"))
         for share in np.linspace(0.1, 0.9, 17).tolist():
             shapes = {"at": share * seconds, "width": 0.01 * seconds}
             step = f"{times}0.5 * (1 + tanh(({STATE} - at) / width))"
