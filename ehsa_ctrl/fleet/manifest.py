@@ -11,11 +11,12 @@ from pathlib import Path
 from ..core.errors import InputError, choices
 from ..core.formats import FORMATS
 from ..core.text import join_words
+from .store import in_a_store
 
 #: The file of a folder that lists its logs, and its columns.
 MANIFEST, FILE, DATE = "fleet.csv", "file", "date"
-#: `by` for the name of a log's folder.
-FOLDER = "folder"
+#: `by` for the name of a log's folder, and the column that a manifest has for the rig.
+FOLDER, RIG = "folder", "rig"
 #: A date in a file's name: 2026-03-01, 20260301, 2026_03_01, with a time behind it or without.
 NAMED_DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_]?(0[1-9]|1[0-2])[-_]?([0-2]\d|3[01])(?:[T _-]?([01]\d|2[0-3])[-_:h]?([0-5]\d))?"
@@ -45,12 +46,14 @@ def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
 
     A manifest is a CSV named fleet.csv with the columns `file` (relative to it), `date` (ISO 8601, may be left out) and
     the rig. In a folder with one, the manifest says which logs count; without one, all logs of the folder and of those
-    in it count, and a log's folder names its rig. Where nothing says the date, it is in the file's name, or else the
-    time at which the file was last written, for which the log's own time stamps are put once it is read (`stamped`).
+    in it count, without the files of a store, and a log's folder names its rig. Where nothing says the date, it is in
+    the file's name, or else the time at which the file was last written, for which the log's own time stamps are put
+    once it is read (`stamped`).
 
     Parameters
     ----------
-    by: column of the manifest with the rig, "rig" by default; "folder" for the folders' names.
+    by: column of the manifest with the rig, "rig" by default, for which a folder without a manifest has its folders'
+        names; "folder" for these names in any case.
 
     Raises InputError for a path that does not exist, a folder without logs, a wrong manifest, and a log given twice.
     """
@@ -60,8 +63,8 @@ def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
             raise InputError(f"{path}: no such file or folder")
         manifest = path / MANIFEST if path.is_dir() else path
         if manifest.name == MANIFEST and manifest.is_file() and by != FOLDER:
-            found += _listed(manifest, by or "rig")
-        elif by not in ("", FOLDER):
+            found += _listed(manifest, by or RIG)
+        elif by not in ("", FOLDER, RIG):
             raise InputError(
                 f"--by {by}: {manifest if path.is_dir() else path.parent / MANIFEST} does not exist; write it with the "
                 f"columns {FILE}, {by} and {DATE}, or leave --by out to take the folders' names"
@@ -70,6 +73,7 @@ def find_logs(given: Sequence[str | Path], by: str = "") -> list[FleetLog]:
             known = {suffix for one in FORMATS.values() for suffix in one.suffixes}
             files = sorted(p for p in path.rglob("*") if p.suffix.lower() in known and p.is_file())
             files = [p for p in files if p.name != MANIFEST and not any(part.startswith(".") for part in p.parts)]
+            files = [p for p in files if not in_a_store(p)]
             if not files:
                 raise InputError(f"{path}: contains no logs; expected files such as {path}/rig_1/2026-03-01.csv")
             found += [_of_folder(file) for file in files]

@@ -22,10 +22,10 @@ from ..diagnosis.diagnosis import NAMING, Diagnosis
 from ..identification.plant_log import read_plant_log
 from ..plant.plant import Plant
 from .result import Fleet, RigDiagnosis
-from .store import Store, code_digest, plant_digest
+from .store import DIAGNOSES, Store, code_digest, plant_digest
 
 #: Record of finished diagnoses, and the folder of their results, in a store.
-RECORD, FOLDER = "diagnoses.jsonl", "diagnoses"
+RECORD, FOLDER = "diagnoses.jsonl", DIAGNOSES
 
 
 def diagnose_changed(

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     import pandas
 
 #: Names of files and folders in a store; the tables are in TABLES.
-HEAD, PARTS = "fleet-store.json", "scores"
+HEAD, PARTS, DIAGNOSES = "fleet-store.json", "scores", "diagnoses"
+#: What a store has beside them that could be taken for logs.
+RESULT_TABLES = ("rigs.csv", "parameters.csv", "drifts.csv")
 #: Rows of a table that are in memory at once.
 ROWS = 20_000
 #: Folders of the package on which a score depends.
@@ -146,6 +148,12 @@ class Store:
                     writer.write_table(table)
         except ArrowException as error:
             raise InputError(f"{path}: can't be written ({error})") from None
+
+
+def in_a_store(path: Path) -> bool:
+    """Whether a file belongs to a store, and so is no log; logs that a user keeps in the same folder do not."""
+    own = {PARTS, TABLES, DIAGNOSES, *RESULT_TABLES}
+    return any(path.relative_to(p).parts[0] in own and (p / HEAD).is_file() for p in path.parents)
 
 
 def plant_digest(plant: Plant) -> str:

@@ -73,3 +73,23 @@ def test_wrong_paths_are_sentences(folder, tmp_path):
         find_logs([folder], by="serial")
     with pytest.raises(InputError, match="no log given"):
         find_logs([])
+
+
+def test_the_files_of_a_store_are_no_logs(folder):
+    """A store among the logs, whose tables have the suffixes of logs; a log of its own folder of logs counts."""
+    before = [log.path for log in find_logs([folder])]
+    for name in ("store/scores/ab/key.parquet", "store/tables/rigs.parquet", "store/rigs.csv", "store/logs/c/1.csv"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("t\n")
+    with_files = [log.path.name for log in find_logs([folder])]
+    (folder / "store" / "fleet-store.json").write_text("{}")
+
+    assert {"key.parquet", "rigs.parquet", "rigs.csv", "1.csv"} <= set(with_files)
+    assert {log.path for log in find_logs([folder])} == {*before, folder / "store/logs/c/1.csv"}
+
+
+def test_the_usual_column_may_be_named(folder):
+    """Without a manifest, the folders name the rigs; a column of another name takes a manifest."""
+    assert find_logs([folder], by="rig") == find_logs([folder])
+    with pytest.raises(InputError, match="does not exist"):
+        find_logs([folder], by="serial")
