@@ -81,7 +81,12 @@ class FileLink(str):
         link = super().__new__(cls, text)
         link.file = file
         # Quoted because the name of a folder may start with javascript: or contain # or %.
-        link.url = quote(os.fsencode((Path(place) / file).as_posix()))
+        path = (Path(place) / file).as_posix()
+        try:
+            link.url = quote(os.fsencode(path))
+        except UnicodeEncodeError:
+            # An edited JSON; no file has such a name.
+            link.url = quote(path.encode(errors="replace"))
         return link
 
     def seen_from(self, place: str) -> FileLink:

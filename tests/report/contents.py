@@ -16,7 +16,7 @@ LOOP = {
 def fleet():
     """Three rigs: one that changed twice, one unlike the others, one that is neither."""
     day = "2026-01-05T00:00:00+00:00"
-    line = LogLine(f"{AWKWARD}/a.csv", day, "name", (3.0, 0.9))
+    line = LogLine(f"{AWKWARD}/a.csv", f"../{AWKWARD}/a.csv", day, "name", (3.0, 0.9))
     found = RigDiagnosis(line.file, "effect", (("internal_leakage",),), 0.98, 0.2, 0.01, "diagnoses/rig")
     later = FurtherChange(
         "torque_constant", (), "2026-01-19T00:00:00+00:00", day, day, line.file,

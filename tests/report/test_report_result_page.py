@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+from urllib.parse import quote
 
 import pytest
 
@@ -15,7 +16,7 @@ from ehsa_ctrl.report.provenance import hashes
 from ehsa_ctrl.report.results import results_in, write_overview, write_result_page
 from ehsa_ctrl.scenario.sensitivity import AssumptionSensitivity, RangeEnd
 
-from .contents import contents
+from .contents import AWKWARD, contents
 from .reading import Page, figures, sound
 
 
@@ -38,9 +39,10 @@ def test_a_tree_of_all_kinds_is_one_sound_page(overview):
     headings = [int(level) for level in re.findall(r"<h([1-6])[ >]", overview)]
 
     sound(overview)
-    # Links that do not lead to a part of the page lead to pages of single logs, below the folder.
+    # Others than to a part of the page lead to pages of single logs, below the folder, and to a fleet's logs.
     assert {link for link in links if not link.startswith("#")} == {
         "summary/a/diagnosis.html", "summary/b/diagnosis.html", "fleet/diagnoses/rig/diagnosis.html",
+        f"fleet/../{quote(AWKWARD)}/a.csv",
     }  # fmt: skip
     assert "alert(1)</script>" not in overview
     assert headings[0] == 1 and headings.count(1) == 1
