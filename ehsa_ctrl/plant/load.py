@@ -83,10 +83,14 @@ def load_plant(
 
 
 def models_of(name: str | Path) -> tuple[Model, ...]:
-    """The models ("linear", "nonlinear") of a plant's file. Raises InputError as load_plant does."""
-    file = read_definition(plants.find(name), PlantFile)
+    """The models ("linear", "nonlinear") of a plant's file. Raises InputError as load_plant does, and without any."""
+    path = plants.find(name)
+    file = read_definition(path, PlantFile)
     words: tuple[Model, ...] = ("linear", "nonlinear")
-    return tuple(word for word in words if getattr(file, word) is not None)
+    found = tuple(word for word in words if getattr(file, word) is not None)
+    if not found:
+        raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
+    return found
 
 
 def with_settings(plant: Plant, settings: Mapping[str, str | float]) -> Plant:

@@ -241,11 +241,9 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
     """
     content = read_toml(path)
     if "system" in content:
-        for model in ("linear", "nonlinear"):
-            if model in content and load_plant(path, model=model).log_controller is not None:
+        for model in models_of(path):
+            if load_plant(path, model=model).log_controller is not None:
                 log_controller(load_plant(path, model=model))
-        if "linear" not in content and "nonlinear" not in content:
-            raise InputError(f"{path}: has neither a [linear] nor a [nonlinear] model")
         return "plant"
     if "kind" in content:
         loaded = load_plant(plant or "ehsa", model="linear")

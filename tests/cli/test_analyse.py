@@ -1,8 +1,11 @@
 """`ehsa-ctrl analyse` with many plants and a review."""
 
 import json
+import re
 
 import pytest
+
+import ehsa_ctrl as e
 
 
 def test_the_worst_plant_is_named(run):
@@ -119,3 +122,18 @@ def test_the_page_to_open_is_named(run, tmp_path):
 
     assert status == 0 and out.splitlines()[-1] == "written to linear (open linear/report.html)"
     assert (tmp_path / "linear" / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    "words", [["design", "FILE", "--kind", "pid"], ["analyse", "FILE"], ["check", "FILE"]], ids=lambda words: words[0]
+)
+def test_a_plant_without_a_model_is_one_sentence(run, tmp_path, words):
+    text = e.plants["ehsa"].read_text(encoding="utf-8")
+    parts = re.split(r"(?m)^(?=\[)", text)
+    file = tmp_path / "none.toml"
+    file.write_text("".join(part for part in parts if not part.startswith(("[linear", "[nonlinear"))), encoding="utf-8")
+    status, out, err = run(*[file if word == "FILE" else word for word in words])
+
+    assert status != 0
+    assert "has neither a [linear] nor a [nonlinear] model" in out + err
+    assert "Traceback" not in out + err
