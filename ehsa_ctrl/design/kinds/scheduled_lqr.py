@@ -36,8 +36,8 @@ from .lqr import StateFeedbackFile, design_state_feedback
 if TYPE_CHECKING:
     import control
 
-#: Place of the current limit and of the integral's gain in the settings of `state_feedback`, of q in its memory.
-LIMIT, INTEGRAL, Q = 3, 6, 1
+#: Place of the current limit in the settings of `state_feedback`, of q in its memory.
+LIMIT, Q = 3, 1
 
 
 class ScheduledLqrFile(StateFeedbackFile):
