@@ -13,6 +13,7 @@ from typing import Any
 
 import matplotlib
 import matplotlib.style
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -116,22 +117,48 @@ class Sheet(Figure):
         self.make_text_literal()
         engine = self.get_layout_engine()
         assert engine is not None
+        # The layout must leave room for aligned labels. Padding aligns them; matplotlib's own alignment asks each
+        # panel for all others in its column whenever it needs one of them.
+        columns = self._columns()
+        for side, axes in columns:
+            room = [_label_distance(ax, side) for ax in axes]
+            for ax, one in zip(axes, room, strict=True):
+                ax.yaxis.labelpad += (max(room) - one) * 72.0 / self.dpi
         engine.execute(self)
         # None rather than "none": a place holder makes every savefig draw the figure twice.
         self.set_layout_engine(None)
         for ax in self.axes:
             ax.set_position(Bbox(ax.get_position(original=True).get_points().round(5)))
             ax.apply_aspect()
+        for side, axes in columns:
+            furthest = max(_label_distance(ax, side) for ax in axes)
+            for ax in axes:
+                share = furthest / ax.bbox.width
+                ax.yaxis.set_label_coords(round(-share if side == "left" else 1.0 + share, 4), 0.5)
+
+    def _columns(self) -> list[tuple[str, list[Axes]]]:
+        """Axes whose y labels are on the same side of the same column, with that side."""
+        columns: dict[tuple[str, int], list[Axes]] = {}
         for ax in self.axes:
-            ax.yaxis.get_tightbbox()  # places the label
-            x, y = ax.yaxis.label.get_position()
-            ax.yaxis.set_label_coords(round(ax.transAxes.inverted().transform((x, 0.0))[0], 4), y)
+            place = ax.get_subplotspec()
+            if place is not None:
+                side: str = ax.yaxis.get_label_position()
+                edge = place.colspan.start if side == "left" else place.colspan.stop
+                columns.setdefault((side, edge), []).append(ax)
+        return [(side, axes) for (side, _), axes in columns.items()]
 
     def _repr_png_(self) -> bytes:
         stream = BytesIO()
         with style():
             self.savefig(stream, format="png", dpi=100, metadata={"Software": None})
         return stream.getvalue()
+
+
+def _label_distance(ax: Axes, side: str) -> float:
+    """Distance of the y label from the axes, in pixels."""
+    ax.yaxis.get_tightbbox()  # places the label
+    x = ax.yaxis.label.get_position()[0]
+    return float(ax.bbox.x0 - x if side == "left" else x - ax.bbox.x1)
 
 
 @contextmanager

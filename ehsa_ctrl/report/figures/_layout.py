@@ -55,8 +55,12 @@ def sheet(
         figure.suptitle("\n".join(lines), x=LEFT, ha="left", fontsize=11, fontweight="bold")
         if header:
             rows = [["header"] * len(rows[0]), *rows]
+        # Near their final size, panels have their final ticks, whose width decides where the labels are.
+        top = 1.0 - (0.1 + TITLE_LINE * len(lines)) / total
+        apart = GAP * len(rows) / sum(heights)
+        near = {"left": 0.14, "right": 0.98, "bottom": extra / total, "top": top, "hspace": apart}
         axes = figure.subplot_mosaic(
-            rows, height_ratios=[header, *heights] if header else list(heights), width_ratios=widths
+            rows, height_ratios=[header, *heights] if header else list(heights), width_ratios=widths, gridspec_kw=near
         )
         if header:
             axes["header"].set_axis_off()
@@ -65,7 +69,6 @@ def sheet(
             look: dict[str, Any] = {"va": "top", "fontsize": 8.5, "color": note_color, "transform": place}
             axes["header"].text(LEFT, 1.0, "\n".join(noted), in_layout=False, **look)
         yield figure, axes
-        figure.align_ylabels()
         # Laid out once, as layout costs more than drawing, and PNG and SVG must be identical.
         figure.lay_out()
         # A notebook displays a figure at its own resolution, a file has DPI.

@@ -40,9 +40,11 @@ def save(figure: Figure, path: str | Path) -> tuple[Path, Path]:
     png, svg = path.with_name(path.name + ".png"), path.with_name(path.name + ".svg")
     drawn = BytesIO()
     with style():
-        figure.savefig(drawn, format="png", dpi=DPI, metadata={"Software": None})
+        figure.savefig(drawn, format="rgba", dpi=DPI)
+    width, height = figure.get_size_inches()
+    size = int(width * DPI), int(height * DPI)
     # Few colours with their shades make a file a third as large, and pages that hold it.
-    image = Image.open(drawn).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    image = Image.frombytes("RGBA", size, drawn.getvalue()).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     image.save(png, "PNG", optimize=True, dpi=(DPI, DPI))
     svg.write_text(to_svg(figure), encoding="utf-8")
     return png, svg
