@@ -60,7 +60,7 @@ def rigs_of(folder: Path, plant: e.Plant) -> tuple[list[RigScores], Names, set[s
 def shuffled(rig: RigScores, random: np.random.Generator) -> RigScores:
     """The rig with its logs in random order."""
     order = random.permutation(len(rig.days))
-    return RigScores(rig.name, rig.days, rig.score[order], rig.information[order])
+    return RigScores(rig.name, rig.days, rig.score[order], np.asarray(rig.information)[order])
 
 
 def taken(rig: RigScores, days: int | None, random: np.random.Generator) -> RigScores:
@@ -76,7 +76,7 @@ def others(rigs: list[RigScores], names: Names, plant: e.Plant) -> tuple[int, in
     between = scatter([one.statistic for one in moved if one.times])
     fleet = random_effects(
         np.array([rig.score[:, :n].sum(axis=0) for rig in rigs]) / between,
-        np.array([rig.information[:, :n, :n].sum(axis=0) for rig in rigs]) / between,
+        np.array([rig.total()[:n, :n] for rig in rigs]) / between,
     )
     unlike = false_discovery_rates([1.0 if one is None else one.p for one in outliers(rigs, names, fleet)])
     logs = {rig.name: [FleetLog(Path(), rig.name, datetime.fromtimestamp(DAY * d, UTC), "name") for d in rig.days]

@@ -39,6 +39,20 @@ Watch = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
+class _StoredScores(Sequence[LogScore]):
+    """Scores that are read from a store each time that they are asked for."""
+
+    store: Store
+    keys: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.store.get(self.keys[i])
+
+
+@dataclass(frozen=True)
 class _Rig:
     """A rig with its logs and the keys of their parts."""
 
@@ -46,8 +60,8 @@ class _Rig:
     logs: tuple[FleetLog, ...]
     keys: tuple[str, ...]
 
-    def scores(self, store: Store) -> Iterator[LogScore]:
-        return (store.get(key) for key in self.keys)
+    def scores(self, store: Store) -> _StoredScores:
+        return _StoredScores(store, self.keys)
 
     @property
     def days(self) -> list[float]:
@@ -198,7 +212,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
 
     def add(one: RigScores) -> None:
         i = by_name[one.name]
-        score[i], information[i] = one.score[:, :n].sum(axis=0), one.information[:, :n, :n].sum(axis=0)
+        score[i], information[i] = one.score[:, :n].sum(axis=0), one.total()[:n, :n]
 
     scans, moved = [], []
     for done, one in enumerate(_scores(store, rigs, names), 1):
@@ -306,11 +320,14 @@ def _series(rig: RigScores, names: Names, fleet: RandomEffects, number: int, cau
     """Parameter or cause -> (logs, 2) deviation from nominal and its sd, the other parameters as the rig has them."""
     n = names.nominal
     x = fleet.units[number]
-    left = rig.score - rig.information[:, :, :n] @ x
+    left, diagonal = rig.score.copy(), np.zeros_like(rig.score)
+    for rows, block in rig.blocks():
+        left[rows] -= block[:, :, :n] @ x
+        diagonal[rows] = np.einsum("lii->li", block)
     of_cause = {cause: int(own[0]) for cause, own in names.causes.items() if cause in causes and own[0] >= n}
     found = {}
     for name, i in {**{names.names[i]: i for i in range(n)}, **of_cause}.items():
-        known, at = rig.information[:, i, i], x[i] if i < n else 0.0
+        known, at = diagonal[:, i], x[i] if i < n else 0.0
         values = np.full((known.size, 2), [np.nan, np.inf])
         sees = known > 0.0
         values[sees, 0] = (at + left[sees, i] / known[sees]) * names.scale[i]
@@ -346,13 +363,13 @@ def _before(plant: Plant, store: Store, rigs: Sequence[_Rig], result: Fleet) -> 
         last = place[row.file] if row.kind == "step" else 1
         # From the step before on, if the rig changed more than once.
         first = max((place[one.file] for one in row.further if place[one.file] < last), default=0)
-        scores = list(replace(rig, keys=rig.keys[first:last]).scores(store))
+        scores = replace(rig, keys=rig.keys[first:last]).scores(store)
         names = Names.of(scores)
         one = names.rig(rig.name, rig.days[first:last], scores)
         own = [i for i, name in enumerate(names.names[: names.nominal]) if name in known]
         spread = np.array([known[names.names[i]].spread or 0.0 for i in own]) / names.scale[own]
         mean = np.array([known[names.names[i]].mean - known[names.names[i]].nominal for i in own]) / names.scale[own]
-        H = one.information.sum(axis=0)[np.ix_(own, own)] + np.diag(spread**-2)
+        H = one.total()[np.ix_(own, own)] + np.diag(spread**-2)
         x = np.linalg.solve(H, one.score.sum(axis=0)[own] + mean / spread**2)
         deviations = {names.names[i]: float(v * names.scale[i]) for i, v in zip(own, x, strict=True)}
         yield rig.name, {name: plant[name] + value for name, value in deviations.items()}

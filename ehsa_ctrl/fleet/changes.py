@@ -11,8 +11,9 @@ Benjamini and Hochberg over the rigs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,22 @@ PER_PARAMETER = 4.0
 AS_WELL, AS_WELL_SHARE = 9.0, 0.05
 #: Steps that are scanned at once, so that a rig of thousands of logs needs little memory.
 BLOCK = 100
+#: Logs of a rig whose information is kept in memory: 150 MB with the 92 names of an EHSA.
+MOST_IN_MEMORY = 2000
+
+
+@dataclass(frozen=True)
+class StoredInformation:
+    """The information of logs, (n, k, k) as an array, which is read each time that an array is made of it."""
+
+    of_log: Callable[[int], np.ndarray]
+    logs: range
+
+    def __getitem__(self, rows: slice) -> StoredInformation:
+        return StoredInformation(self.of_log, self.logs[rows])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array([self.of_log(i) for i in self.logs], dtype=dtype)
 
 
 @dataclass(frozen=True)
@@ -46,7 +63,18 @@ class RigScores:
     name: str
     days: np.ndarray
     score: np.ndarray
-    information: np.ndarray
+    information: np.ndarray | StoredInformation
+
+    def blocks(self) -> Iterator[tuple[slice, np.ndarray]]:
+        """The information of some logs at a time, and which."""
+        for first in range(0, len(self.score), BLOCK):
+            rows = slice(first, first + BLOCK)
+            yield rows, np.asarray(self.information[rows])
+
+    def total(self) -> np.ndarray:
+        """Sum of the information of all logs, (k, k)."""
+        k = self.score.shape[1]
+        return sum((block.sum(axis=0) for _, block in self.blocks()), np.zeros((k, k)))
 
     def part(self, first: int, last: int) -> RigScores:
         """The logs from number `first` to before `last`."""
@@ -88,17 +116,32 @@ class Names:
         causes = {name: np.array([i]) for i, name in enumerate(self.names[: self.nominal])}
         return Names(self.names, self.nominal, self.scale, causes)
 
-    def rig(self, name: str, days: Sequence[float], scores: Iterable[LogScore]) -> RigScores:
+    def rig(self, name: str, days: Sequence[float], scores: Sequence[LogScore]) -> RigScores:
         """The scores of a rig's logs, in units of these names. days: of each log, ascending."""
         n, k = len(days), len(self.names)
         at = {one: i for i, one in enumerate(self.names)}
-        g, H = np.zeros((n, k)), np.zeros((n, k, k))
-        for i, one in enumerate(scores):
+        few = n <= MOST_IN_MEMORY
+        g, H = np.zeros((n, k)), np.zeros((n if few else 0, k, k))
+
+        def places(one: LogScore) -> tuple[np.ndarray, np.ndarray]:
             place = np.array([at[n] for n in one.names])
-            factor = self.scale[place] / one.scale
+            return place, self.scale[place] / one.scale
+
+        def information(one: LogScore) -> np.ndarray:
+            place, factor = places(one)
+            found = np.zeros((k, k))
+            found[np.ix_(place, place)] = one.information * np.outer(factor, factor) / one.dispersion
+            return found
+
+        for i, one in enumerate(scores):
+            place, factor = places(one)
             g[i, place] = one.score * factor / one.dispersion
-            H[i][np.ix_(place, place)] = one.information * np.outer(factor, factor) / one.dispersion
-        return RigScores(name, np.asarray(days, dtype=float), g, H)
+            if few:
+                H[i] = information(one)
+        return RigScores(
+            name, np.asarray(days, dtype=float), g,
+            H if few else StoredInformation(lambda i: information(scores[i]), range(n)),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -133,7 +176,7 @@ def scan(rig: RigScores, names: Names, *, drift: bool = True) -> Scan:
     span = float(rig.days[-1] - rig.days[0]) if n else 0.0
     if drift and n > 2 and span > 0.0:
         times.append(-1)
-    total, g = rig.information.sum(axis=0), rig.score.sum(axis=0)
+    total, g = rig.total(), rig.score.sum(axis=0)
     causes = names.causes
     statistic, parameters = np.zeros((len(causes), len(times))), np.zeros(len(causes))
     size = {cause: np.zeros((len(times), len(own))) for cause, own in causes.items()}
@@ -163,14 +206,17 @@ def _profiles(rig: RigScores, times: int) -> Iterator[tuple[slice, np.ndarray, n
     # From the last step back, so that what comes after a block is one sum.
     for last in range(n, 1, -BLOCK):
         first = max(last - BLOCK, 1)
-        once = np.cumsum(rig.information[first:last][::-1], axis=0)[::-1] + information
+        once = np.cumsum(np.asarray(rig.information[first:last])[::-1], axis=0)[::-1] + information
         moved = np.cumsum(rig.score[first:last][::-1], axis=0)[::-1] + score
         information, score = once[0], moved[0]
         if last < n or times < n:
             yield slice(first - 1, last - 1), once, once, moved
             continue
         w = (rig.days - np.mean(rig.days)) / float(rig.days[-1] - rig.days[0])
-        drift, squared = (np.tensordot(each, rig.information, 1)[None] for each in (w, w**2))
+        drift, squared = np.zeros((1, k, k)), np.zeros((1, k, k))
+        for rows, block in rig.blocks():
+            drift += np.tensordot(w[rows], block, 1)
+            squared += np.tensordot(w[rows] ** 2, block, 1)
         yield (
             slice(first - 1, n), np.concatenate([once, drift]), np.concatenate([once, squared]),
             np.concatenate([moved, (w @ rig.score)[None]]),

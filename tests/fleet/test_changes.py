@@ -202,3 +202,21 @@ def test_a_rig_of_many_logs_is_scanned_in_blocks(monkeypatch, drift):
             assert twice[k] == pytest.approx(sum(a**2 * H for a, H in zip(w, rig.information, strict=True)))
             assert moved[k] == pytest.approx(w @ rig.score)
     assert parts.statistic == pytest.approx(whole.statistic) and parts.times == whole.times
+
+
+@pytest.mark.parametrize("first, last", [(0, 11), (4, 9)])
+def test_information_that_is_read_anew_gives_the_same(monkeypatch, first, last):
+    """A rig of too many logs for memory, and a part of it, are scanned as one in memory; its logs are not kept."""
+    random = np.random.default_rng(7)
+    logs = [made_up([0.0, 0.0, 1.0 * (log > 4)], random) for log in range(11)]
+    names = Names.of(logs)
+    kept = names.rig("rig", np.arange(11.0) ** 1.5, logs).part(first, last)
+    monkeypatch.setattr(module, "MOST_IN_MEMORY", 10)
+    monkeypatch.setattr(module, "BLOCK", 3)
+
+    stored = names.rig("rig", np.arange(11.0) ** 1.5, logs).part(first, last)
+
+    assert isinstance(stored.information, module.StoredInformation) and isinstance(kept.information, np.ndarray)
+    assert np.array_equal(np.asarray(stored.information), kept.information)
+    assert stored.total() == pytest.approx(kept.information.sum(axis=0))
+    assert scan(stored, names).statistic == pytest.approx(scan(kept, names).statistic)
