@@ -204,7 +204,7 @@ def test_a_rig_of_many_logs_is_scanned_in_blocks(monkeypatch, drift):
     assert parts.statistic == pytest.approx(whole.statistic) and parts.times == whole.times
 
 
-@pytest.mark.parametrize("first, last", [(0, 11), (4, 9)])
+@pytest.mark.parametrize(("first", "last"), [(0, 11), (4, 9)])
 def test_information_that_is_read_anew_gives_the_same(monkeypatch, first, last):
     """A rig of too many logs for memory, and a part of it, are scanned as one in memory; its logs are not kept."""
     random = np.random.default_rng(7)
