@@ -34,8 +34,8 @@ PER_PARAMETER = 4.0
 AS_WELL, AS_WELL_SHARE = 9.0, 0.05
 #: Steps that are scanned at once, so that a rig of thousands of logs needs little memory.
 BLOCK = 100
-#: Logs of a rig whose information is kept in memory: 150 MB with the 92 names of an EHSA.
-MOST_IN_MEMORY = 2000
+#: Logs of a rig whose information is kept in memory: with the 92 names of an EHSA 0.7 GB, its sums included.
+MOST_IN_MEMORY = 5000
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,11 @@ def state_signal(name: str, si: str) -> Signal:
     return Signal(name, si, SHOWN_OF_BALANCES.get(si, si), 0.0)
 
 
+def drive_signal(channel: str, si: str) -> Signal:
+    """The drive of a system, by its channel and SI unit."""
+    return SIGNALS.get(channel, Signal(channel_display(channel).words, si, si, 0.0))
+
+
 class ChannelDisplay(NamedTuple):
     """Display of a logged channel: name, display unit, and SI value of that unit."""
 

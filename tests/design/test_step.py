@@ -8,6 +8,7 @@ from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.design.analysis.closed_loop import step_response
 from ehsa_ctrl.design.controller import SampledController
 from ehsa_ctrl.design.kinds.pid import Gains, Pid
+from ehsa_ctrl.report.figures import step_figure
 
 T_S = 0.004
 
@@ -43,6 +44,16 @@ def test_the_force_is_paid_for_by_the_integral(linear):
 
     assert abs(found.position["force"][-1]) < 1e-3 * np.max(np.abs(found.position["force"]))
     assert found.current["force"][-1] == pytest.approx(linear["D"] / linear["A"] / linear["K_T"], rel=0.01)
+
+
+@pytest.mark.parametrize(("drive", "unit"), [("current", "A"), ("F_M", "N")])
+def test_the_drive_has_the_models_unit(integrator, drive, unit):
+    integrator.input_labels = [drive, "F_D"]
+
+    found = step_response(integrator, controller(25.0), 0.4)
+
+    assert found.drive_unit == unit
+    assert any(ax.get_ylabel().endswith(f"({unit})") for ax in step_figure(found).axes)
 
 
 def test_an_unstable_loop_has_no_step_response(integrator):

@@ -11,7 +11,7 @@ from ...core.controller_interface import INPUTS as LAW_INPUTS
 from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
 from .contact import loop_model
-from .sampled import sampled_plant
+from .sampled import drive_unit_of, sampled_plant
 
 if TYPE_CHECKING:
     import control
@@ -159,13 +159,15 @@ class StepResponse:
     Attributes
     ----------
     controller: its name. time: (N,) s.
-    position [m], current [A]: "reference" -> (N,) after a step of 1 m, "force" -> (N,) after a step of 1 N on the rod.
+    position [m], current: "reference" -> (N,) after a step of 1 m, "force" -> (N,) after a step of 1 N on the rod.
+    drive_unit: SI unit of `current`, the drive: A, for a carriage N.
     """
 
     controller: str
     time: np.ndarray
     position: dict[str, np.ndarray]
     current: dict[str, np.ndarray]
+    drive_unit: str = "A"
 
     @property
     def overshoot(self) -> float:
@@ -199,4 +201,5 @@ def step_response(system: control.StateSpace, controller: Controller, duration: 
         controller.sample_time * np.arange(samples),
         {name: y[:, 0] for name, y in found.items()},
         {name: y[:, 1] for name, y in found.items()},
+        drive_unit_of(system),
     )

@@ -13,7 +13,7 @@ from ...core.plotting import draw
 from ...design.analysis.closed_loop import StepResponse
 from ...design.analysis.loop import LoopAnalysis
 from ...design.analysis.robustness import RobustMargins
-from ..signals import SIGNALS
+from ..signals import SIGNALS, drive_signal
 from ..style import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from ..text import number
 from . import _panels as panel
@@ -123,9 +123,11 @@ def _band(ax: Axes, robust: RobustMargins, name: str, margin: str, colour: str) 
 
 
 def step_figure(steps: StepResponse) -> Figure:
-    """Position [mm] and current [A] over time [s]: left after a reference step of 1 mm, right after 1 kN on the rod."""
+    """Position [mm] and drive over time [s]: left after a reference step of 1 mm, right after 1 kN on the rod."""
     title = f"Linear loop with {steps.controller}: steps of reference and force, no limit, no friction"
     rows = [[f"{name} {signal}" for name in STEPS] for signal in ("x", "current")]
+    drive = "current" if steps.drive_unit == "A" else "drive_force"
+    shown = {"x": SIGNALS["x"], "current": drive_signal(drive, steps.drive_unit)}
     with sheet(title, rows, [1.8, 1.5], extra=XLABEL + 0.2) as (figure, axes):
         for name, (size, words) in STEPS.items():
             column = [axes[f"{name} {signal}"] for signal in ("x", "current")]
@@ -133,8 +135,8 @@ def step_figure(steps: StepResponse) -> Figure:
             column[0].set_title(words, fontsize=9)
             for ax, signal, values in zip(column, ("x", "current"), (steps.position, steps.current), strict=True):
                 stepwise = "steps-post" if signal == "current" else "default"
-                ax.plot(steps.time, SIGNALS[signal].read(size * values[name]), color=BLUE, drawstyle=stepwise)
-                panel.set_range(ax, SIGNALS[signal])
+                ax.plot(steps.time, shown[signal].read(size * values[name]), color=BLUE, drawstyle=stepwise)
+                panel.set_range(ax, shown[signal])
                 if name == "force":
                     ax.set_ylabel("")
             column[-1].set_xlim(steps.time[0], steps.time[-1])

@@ -17,7 +17,7 @@ from ...scenario.result import ScenarioResult
 from ...simulation.closed_loop import ClosedLoop
 from ...simulation.trajectory import Trajectory
 from ..closed_loop import plant_title
-from ..signals import SIGNALS, Signal, channel_display, state_signal
+from ..signals import SIGNALS, Signal, drive_signal, state_signal
 from ..style import GREY, PRESSURES, PURPLE, ROLES, SKY
 from . import _panels as panel
 from ._layout import header_legend
@@ -85,8 +85,7 @@ def _states_figure(run: Trajectory) -> Figure:
 def _drive(run: Trajectory) -> Signal:
     """The drive of a run as a signal."""
     system = run.plant.structure.system
-    shown = channel_display(system.drive)
-    return SIGNALS.get(system.drive, Signal(shown.words, system.drive_unit, system.drive_unit, 0.0))
+    return drive_signal(system.drive, system.drive_unit)
 
 
 def _pressures(ax: Axes, run: Trajectory) -> list[Artist]:
