@@ -1,14 +1,15 @@
 """Fleets: false discoveries among rigs that have not changed, and logs per core hour.
 
     ehsa-ctrl fleet --virtual 200 --seed 1 --out results/virtual --jobs -1
-    python benchmarks/fleet.py results/virtual [--repeats 100] [--rigs 24 --days 3] [--logs 20] [--copies 10]
+    python benchmarks/fleet.py results/virtual [--repeats 100] [--rigs 24 --days 3] [--logs 20]
+        [--copies 10 [--one-rig]]
 
 From the store of a virtual fleet, whose truth is known. Rigs without a change are drawn anew, the order of each one's
 logs at random, so that nothing can have changed in time while everything else is as the simulation made it: sensor
 noise, excitations that differ, and what the linearisation leaves. The changed rigs are left out (complete null) or
 kept as they are; drifts and rigs unlike the fleet are tested on the complete null. Then the throughput of the per-log
 statistic, as processor time of one core; and with --copies, time and memory of the analysis of a fleet so many times as
-large, whose rigs are copies.
+large, whose rigs are copies, or with --one-rig of a single rig that has all these logs.
 
 Figures of docs/evidence.md: seeds from 1 on; tuning used 101.
 """
@@ -20,8 +21,8 @@ import os
 import resource
 import tempfile
 import time
-from datetime import UTC, datetime
-from itertools import groupby
+from datetime import UTC, datetime, timedelta
+from itertools import count, groupby
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,8 @@ from ehsa_ctrl.fleet.store import Store
 from ehsa_ctrl.fleet.virtual import LOGS, TRUTH
 
 RATE, DAY = 0.05, 86400.0
+#: Date of the first log of a single rig.
+FIRST = datetime(2020, 1, 1, tzinfo=UTC)
 
 
 def rigs_of(folder: Path, plant: e.Plant) -> tuple[list[RigScores], Names, set[str]]:
@@ -86,16 +89,21 @@ def others(rigs: list[RigScores], names: Names, plant: e.Plant) -> tuple[int, in
     )
 
 
-def large(folder: Path, copies: int, plant: e.Plant) -> None:
-    """Processor time and peak memory of the analysis of a fleet of copies: its logs are stubs, its parts links."""
-    store = Store(folder, plant)
+def large(folder: Path, copies: int, plant: e.Plant, one_rig: bool) -> None:
+    """Processor time and peak memory of the analysis of a fleet of copies: its logs are stubs, its parts links.
+
+    one_rig: all logs are of one rig, one each hour.
+    """
+    store, hours = Store(folder, plant), count()
     with tempfile.TemporaryDirectory(dir=folder) as place:
         other = Store(Path(place) / "store", plant)
         other.begin()
         for log in find_logs([folder / LOGS]):
             part = store.part(store.key(log.path))
             for copy in range(copies if part.exists() else 0):
-                stub = Path(place) / "logs" / f"{log.rig}-{copy}" / f"{log.date:%Y-%m-%d}.parquet"
+                one = "rig", FIRST + timedelta(hours=next(hours))
+                rig, date = one if one_rig else (f"{log.rig}-{copy}", log.date)
+                stub = Path(place) / "logs" / rig / f"{date:%Y-%m-%dT%H%M}.parquet"
                 stub.parent.mkdir(parents=True, exist_ok=True)
                 stub.write_text(f"{log.path} {copy}")
                 link = other.part(other.key(stub))
@@ -128,6 +136,7 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, help="that a repeat draws, instead of a share")
     parser.add_argument("--days", type=int, help="logs of each rig, instead of all")
     parser.add_argument("--copies", type=int, default=0, help="of each rig, for the analysis of a large fleet")
+    parser.add_argument("--one-rig", action="store_true", help="all these copies are logs of one rig")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     plant, random = e.load_plant("ehsa"), np.random.default_rng(options.seed)
@@ -158,7 +167,7 @@ def main() -> None:
           f"{np.mean(missed):.2f} changed rigs missed on average, {max(missed)} at most")  # fmt: skip
 
     if options.copies:
-        large(options.store, options.copies, plant)
+        large(options.store, options.copies, plant, options.one_rig)
     logs = find_logs([options.store / LOGS])[: options.logs + 1]
     log_score(plant, e.read_plant_log(logs[0].path, plant))  # compiled now
     began = time.process_time()
