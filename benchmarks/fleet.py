@@ -79,7 +79,7 @@ def others(rigs: list[RigScores], names: Names, plant: e.Plant) -> tuple[int, in
     between = scatter([one.statistic for one in moved if one.times])
     fleet = random_effects(
         np.array([rig.score[:, :n].sum(axis=0) for rig in rigs]) / between,
-        np.array([rig.total()[:n, :n] for rig in rigs]) / between,
+        np.array([rig.total[:n, :n] for rig in rigs]) / between,
     )
     unlike = false_discovery_rates([1.0 if one is None else one.p for one in outliers(rigs, names, fleet)])
     logs = {rig.name: [FleetLog(Path(), rig.name, datetime.fromtimestamp(DAY * d, UTC), "name") for d in rig.days]
@@ -101,8 +101,9 @@ def large(folder: Path, copies: int, plant: e.Plant, one_rig: bool) -> None:
         for log in find_logs([folder / LOGS]):
             part = store.part(store.key(log.path))
             for copy in range(copies if part.exists() else 0):
-                one = "rig", FIRST + timedelta(hours=next(hours))
-                rig, date = one if one_rig else (f"{log.rig}-{copy}", log.date)
+                rig, date = f"{log.rig}-{copy}", log.date
+                if one_rig:
+                    rig, date = "rig", FIRST + timedelta(hours=next(hours))
                 stub = Path(place) / "logs" / rig / f"{date:%Y-%m-%dT%H%M}.parquet"
                 stub.parent.mkdir(parents=True, exist_ok=True)
                 stub.write_text(f"{log.path} {copy}")

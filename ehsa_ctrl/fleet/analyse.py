@@ -212,7 +212,7 @@ def _statistics(plant: Plant, store: Store, rigs: Sequence[_Rig], rate: float, w
 
     def add(one: RigScores) -> None:
         i = by_name[one.name]
-        score[i], information[i] = one.score[:, :n].sum(axis=0), one.total()[:n, :n]
+        score[i], information[i] = one.score[:, :n].sum(axis=0), one.total[:n, :n]
 
     scans, moved = [], []
     for done, one in enumerate(_scores(store, rigs, names), 1):
@@ -369,7 +369,7 @@ def _before(plant: Plant, store: Store, rigs: Sequence[_Rig], result: Fleet) -> 
         own = [i for i, name in enumerate(names.names[: names.nominal]) if name in known]
         spread = np.array([known[names.names[i]].spread or 0.0 for i in own]) / names.scale[own]
         mean = np.array([known[names.names[i]].mean - known[names.names[i]].nominal for i in own]) / names.scale[own]
-        H = one.total()[np.ix_(own, own)] + np.diag(spread**-2)
+        H = one.total[np.ix_(own, own)] + np.diag(spread**-2)
         x = np.linalg.solve(H, one.score.sum(axis=0)[own] + mean / spread**2)
         deviations = {names.names[i]: float(v * names.scale[i]) for i, v in zip(own, x, strict=True)}
         yield rig.name, {name: plant[name] + value for name, value in deviations.items()}

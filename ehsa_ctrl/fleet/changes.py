@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,7 @@ class RigScores:
             rows = slice(first, first + BLOCK)
             yield rows, np.asarray(self.information[rows])
 
+    @cached_property
     def total(self) -> np.ndarray:
         """Sum of the information of all logs, (k, k)."""
         k = self.score.shape[1]
@@ -123,24 +125,22 @@ class Names:
         few = n <= MOST_IN_MEMORY
         g, H = np.zeros((n, k)), np.zeros((n if few else 0, k, k))
 
-        def places(one: LogScore) -> tuple[np.ndarray, np.ndarray]:
-            place = np.array([at[n] for n in one.names])
-            return place, self.scale[place] / one.scale
-
-        def information(one: LogScore) -> np.ndarray:
-            place, factor = places(one)
-            found = np.zeros((k, k))
-            found[np.ix_(place, place)] = one.information * np.outer(factor, factor) / one.dispersion
-            return found
+        def in_units(one: LogScore) -> tuple[np.ndarray, np.ndarray]:
+            """Score (k,) and information (k, k) of a log."""
+            place = np.array([at[name] for name in one.names])
+            factor = self.scale[place] / one.scale
+            score, information = np.zeros(k), np.zeros((k, k))
+            score[place] = one.score * factor / one.dispersion
+            information[np.ix_(place, place)] = one.information * np.outer(factor, factor) / one.dispersion
+            return score, information
 
         for i, one in enumerate(scores):
-            place, factor = places(one)
-            g[i, place] = one.score * factor / one.dispersion
+            g[i], information = in_units(one)
             if few:
-                H[i] = information(one)
+                H[i] = information
         return RigScores(
             name, np.asarray(days, dtype=float), g,
-            H if few else StoredInformation(lambda i: information(scores[i]), range(n)),
+            H if few else StoredInformation(lambda i: in_units(scores[i])[1], range(n)),
         )  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def scan(rig: RigScores, names: Names, *, drift: bool = True) -> Scan:
     span = float(rig.days[-1] - rig.days[0]) if n else 0.0
     if drift and n > 2 and span > 0.0:
         times.append(-1)
-    total, g = rig.total(), rig.score.sum(axis=0)
+    total, g = rig.total, rig.score.sum(axis=0)
     causes = names.causes
     statistic, parameters = np.zeros((len(causes), len(times))), np.zeros(len(causes))
     size = {cause: np.zeros((len(times), len(own))) for cause, own in causes.items()}

@@ -38,7 +38,7 @@ def outliers(rigs: Iterable[RigScores], names: Names, fleet: RandomEffects) -> l
     """
     rig_names, values, variances = [], [], []
     for rig in rigs:
-        H, g = rig.total(), rig.score.sum(axis=0)
+        H, g = rig.total, rig.score.sum(axis=0)
         found = [_estimate(H, g, names.nominal, own, fleet) for own in names.causes.values()]
         rig_names.append(rig.name)
         # An array a rig: thousands of small ones would take most of the memory.

@@ -218,5 +218,5 @@ def test_information_that_is_read_anew_gives_the_same(monkeypatch, first, last):
 
     assert isinstance(stored.information, module.StoredInformation) and isinstance(kept.information, np.ndarray)
     assert np.array_equal(np.asarray(stored.information), kept.information)
-    assert stored.total() == pytest.approx(kept.information.sum(axis=0))
+    assert stored.total == pytest.approx(kept.information.sum(axis=0))
     assert scan(stored, names).statistic == pytest.approx(scan(kept, names).statistic)
