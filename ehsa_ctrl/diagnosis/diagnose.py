@@ -271,6 +271,10 @@ def _diagnose_selection(
         explanation = replace(explanation, verdict="partly")
     chosen = selection.chosen
     selection = replace(selection, verdict=explanation.verdict)
+    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
+    if law is not None and not law.proposed.beside:
+        # It explains the log without the effects, which imitated it.
+        selection = replace(selection, verdict="outside_catalogue")
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, (), refitted, {})
@@ -281,7 +285,6 @@ def _diagnose_selection(
         {one.log.name: place for one, place in zip(prepared.logs, locations, strict=True)},
         [own["total"] for own in own_gaps] or [1.0] * len(locations),
     )
-    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
     with_causes = improved if law is not None else None
     if law is not None:
         segments = segments.each(partial(with_effect, effect=law.effect, begin=law.begin))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace as N
 
 import numpy as np
 import pytest
@@ -18,11 +19,13 @@ from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
+from ehsa_ctrl.diagnosis.law.find import laws_of_best
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable, Term
 from ehsa_ctrl.diagnosis.law.held import held_laws
 from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip
 from ehsa_ctrl.diagnosis.law.regression import LawFit, evidence, find_sums, placebo
+from ehsa_ctrl.diagnosis.model_selection import Reference
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
@@ -439,6 +442,37 @@ def test_an_end_value_that_the_log_does_not_reach_is_tried_in_proportion_to_time
     values = [one.factors[0] * grammar.values(one.terms[0])[early] for one in (refitted.refitted, other)]
     np.testing.assert_allclose(values[1], values[0], rtol=100 * 0.004 / tau, atol=1e-12)
     assert "exp" not in definition_of(other, []).expression
+
+
+def tried_law(place, base, deviance, gaps, without):
+    """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
+
+    def scored(deviance, gaps):
+        return N(deviance=deviance, training_gap={"total": gaps[0]}, held_out_gap={"total": gaps[1]})
+
+    law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place)))
+    return N(law=law, base=base, without=scored(0.0, without))
+
+
+def test_effects_that_imitate_a_law_are_not_named_beside_it():
+    """They leave as little on the training data as the law alone does, and more held-out gap."""
+    plain, imitated = (0.02, 0.06), (0.003, 0.05)
+    plant, effects = N(fit=N(candidates=())), N(fit=N(candidates=("rod_friction", "hose_wall")))
+    alone = tried_law("pump_flow", plant, 5740.0, (0.002, 0.005), plain)
+    other = tried_law("pump_flow", plant, 5800.0, (0.002, 0.006), plain)
+    elsewhere = tried_law("force", plant, 5900.0, (0.002, 0.009), plain)
+    worse = tried_law("force", plant, 5700.0, (0.004, 0.009), plain)
+    reference = Reference(6000.0, 16000.0, 0.02, 1.0)
+
+    def best(deviance, gaps=(0.001, 0.005)):
+        beside = tried_law("pump_flow", effects, deviance, gaps, imitated)
+        return beside, laws_of_best([beside, elsewhere, other, alone, worse], beside.without, reference)
+
+    assert best(5730.0)[1] == [alone, other]
+    beside, found = best(5500.0)
+    assert found == [beside]
+    beside, found = best(5500.0, gaps=(0.0025, 0.005))
+    assert found == [alone, other]
 
 
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"

@@ -48,10 +48,14 @@ class LawBase:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A law in free run, with what it was found from. input: of the shorter windows, if there are two."""
+    """A law in free run, with what it was found from.
+
+    without: its hypothesis without the law. input: of the shorter windows, if there are two.
+    """
 
     law: FreeRunLaw
     base: LawBase
+    without: ScoredHypothesis
     input: LawInput
     placebo: float
 
@@ -105,9 +109,10 @@ def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, p
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
     """
     scoring = with_typical_priors(scoring)
-    without = without_law(bases[-1].fit, scoring)
-    tried = [one for base in bases for one in _try(base, scoring, MOST // len(bases), pool)]
-    return _select(tried, without, reference)
+    without = [without_law(base.fit, scoring) for base in bases]
+    most = MOST // len(bases)
+    tried = [one for base, own in zip(bases, without, strict=True) for one in _try(base, own, scoring, most, pool)]
+    return _select(tried, without[-1], reference)
 
 
 def with_typical_priors(scoring: Scoring) -> Scoring:
@@ -124,8 +129,8 @@ def without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
     return min(scored, key=lambda one: one.held_out_gap["total"])
 
 
-def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]:
-    """The most promising laws beside a hypothesis, in free run."""
+def _try(base: LawBase, without: ScoredHypothesis, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]:
+    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law."""
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
@@ -134,11 +139,14 @@ def _try(base: LawBase, scoring: Scoring, most: int, pool: Pool) -> list[_Tried]
     chosen = [*held, *promising(sums, scoring, base.fit, most, pool)]
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
-    rest = [one.reduced for one in refitted if not one.stable] + [one.proportional for one in refitted]
-    smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in rest if one is not None])
+    reduced = [one.reduced for one in refitted if not one.stable]
+    smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in reduced if one is not None])
+    refitted += refit_laws(smaller, scoring, base.fit, pool)
+    limits = [(law, one.others) for one in refitted if (law := one.proportional) is not None]
+    linear = [replace(law, explained=_explained(law, inputs)) for law, _ in limits]
+    refitted += refit_laws(linear, scoring, base.fit, pool, [others for _, others in limits])
     return [
-        _Tried(one, base, by_name[one.law.grammar.name], placebos[one.law.grammar.name])
-        for one in [*refitted, *refit_laws(smaller, scoring, base.fit, pool)]
+        _Tried(one, base, without, by_name[one.law.grammar.name], placebos[one.law.grammar.name]) for one in refitted
     ]
 
 
@@ -174,14 +182,15 @@ def _sums(one: LawInput) -> tuple[list[LawFit], float]:
     return sums_and_placebo(one.grammar, one.windows, one.nuisance)
 
 
-def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
-    """The forms that the data can't tell apart, if the best one is clearly better than none."""
-    good = [one for one in tried if clearly_better(one.law.scored, without) and one.law.stable]
-    if not good:
+def _select(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
+    """The forms that the data can't tell apart, if the best one is clearly better than none.
+
+    last: the last hypothesis without a law.
+    """
+    alike = laws_of_best(tried, last, reference)
+    if not alike:
         return None
-    good.sort(key=lambda one: one.law.scored.deviance)
-    best = good[0]
-    alike = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
+    best = min(alike, key=lambda one: one.law.scored.deviance)
     # Refits from different locations on the grid may end at the same law: the better one counts.
     by_form: dict[str, _Tried] = {}
     for one in alike:
@@ -221,7 +230,32 @@ def _select(tried: Sequence[_Tried], without: ScoredHypothesis, reference: Refer
     return FoundLaw.of(proposed, [one.law for one, _ in likely])
 
 
+def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Reference) -> list[_Tried]:
+    """The laws that are clearly better than none, for the same unknown input and beside the same effects as the best.
+
+    The lowest deviance first. last: the last hypothesis without a law.
+    """
+    good = [one for one in tried if clearly_better(one.law.scored, one.without) and one.law.stable]
+    good = [one for one in good if _replaces(one.law.scored, last)]
+    if not good:
+        return []
+    good.sort(key=lambda one: one.law.scored.deviance)
+    # As in the selection of causes, each effect beside the law must lower the deviance by the margin.
+    margin = reference.margin(good[0].law.scored)
+    best = min(good, key=lambda one: one.law.scored.deviance + margin * len(one.base.fit.candidates))
+    return [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
+
+
 def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
     """Whether a law leaves clearly less of the gap than the hypothesis without it, on training and held-out data."""
     pairs = (one.training_gap, without.training_gap), (one.held_out_gap, without.held_out_gap)
     return all(after["total"] < BETTER * before["total"] for after, before in pairs)
+
+
+def _replaces(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
+    """Whether a law leaves clearly less than a hypothesis of effects on held-out data, and no more on training data.
+
+    Effects that imitate the law on the training data may leave there as little as it does.
+    """
+    less = one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
+    return less and one.training_gap["total"] <= without.training_gap["total"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -64,6 +65,11 @@ class FreeRunLaw:
         found = [(next(given), replace(t, shapes={n: next(given) for n in t.shapes})) for t in self.law.terms]
         factors, terms = zip(*found, strict=True)
         return replace(self.law, terms=terms, factors=factors)
+
+    @property
+    def others(self) -> Setting:
+        """The refitted values of all parameters but its own."""
+        return {name: value for name, value in self.scored.fit.values.items() if name not in self.file.parameters}
 
     @property
     def reduced(self) -> LawFit | None:
@@ -161,14 +167,15 @@ class _Start:
     values: Setting
 
     @classmethod
-    def of(cls, law: LawFit, scoring: Scoring, base: HypothesisFit) -> _Start:
+    def of(cls, law: LawFit, scoring: Scoring, base: HypothesisFit, others: Setting | None = None) -> _Start:
+        """others: refitted values of all other parameters, if the law is another form of one that was refitted."""
         file = definition_of(law, [*scoring.objective.model.plant.parameters])
         begin = Begin.of(file, law.grammar)
         effect = kept_effect(f"law_{file.digest}", file)
         own = _scoring_with(scoring, effect, begin)
         candidate = law_candidate(effect, own.objective.model.plant.values)
         # Nominal parameters start at their nominal values: without the law, a refit bends them to make up for it.
-        values = {name: base.values[name] for c in base.candidates for name in c.names}
+        values = dict(others or {name: base.values[name] for c in base.candidates for name in c.names})
         return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))
 
 
@@ -190,19 +197,29 @@ def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, p
     return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if np.isfinite(gaps[int(i)])]
 
 
-def refit_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[FreeRunLaw]:
-    """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated."""
+def refit_laws(
+    laws: Sequence[LawFit],
+    scoring: Scoring,
+    base: HypothesisFit,
+    pool: Pool,
+    others: Sequence[Setting] | None = None,
+) -> list[FreeRunLaw]:
+    """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated.
 
-    def one(law: LawFit) -> FreeRunLaw | None:
-        begin = _Start.of(law, scoring, base)
+    others: of each law, values of the other parameters to begin with, see `_Start.of`.
+    """
+
+    def one(started: tuple[LawFit, Setting | None]) -> FreeRunLaw | None:
+        begin = _Start.of(started[0], scoring, base, started[1])
         own, candidate, file, start = begin.scoring, begin.candidate, begin.file, begin.values
         fit = refit(own.objective, (*base.candidates, candidate), start, {}, steps=STEPS, renew_after=RENEW)
         if fit is None:
             return None
         scored, sd = own.score(fit), own.standard_deviations(fit)
-        return FreeRunLaw(law, _refitted(file, fit, candidate, sd), begin.begin, scored, sd)
+        return FreeRunLaw(started[0], _refitted(file, fit, candidate, sd), begin.begin, scored, sd)
 
-    return [found for found in pool.map("laws", one, list(laws)) if found is not None]
+    starts = list(zip(laws, others or itertools.repeat(None), strict=False))
+    return [found for found in pool.map("laws", one, starts) if found is not None]
 
 
 def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd: Mapping[str, float]) -> LawFile:
