@@ -93,6 +93,15 @@ def test_of_many_causes_the_effect_is_claimed_that_no_set_can_do_without():
     }
 
 
+def test_where_most_is_closed_a_smaller_part_is_enough_if_both_measures_have_it():
+    """80 % closed; without the effect, a fifth of the deviance is lost, and 31 or 13 % of what is closed."""
+    chosen = hypothesis(100.0, MANY, left=0.02)
+
+    assert claimed(chosen, hypothesis(300.0, {"presliding": 0.1}, left=0.045)) == {"load_dependent_friction"}
+    assert claimed(chosen, hypothesis(300.0, {"presliding": 0.1}, left=0.03)) is None
+    assert claimed(chosen, hypothesis(200.0, {"presliding": 0.1}, left=0.045)) is None
+
+
 def test_an_effect_that_others_replace_or_that_large_numbers_may_imitate_is_not_claimed():
     poor = hypothesis(300.0, {}, left=0.08)
 
