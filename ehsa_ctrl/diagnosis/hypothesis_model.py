@@ -6,7 +6,6 @@ those effects alone that act in it: a run with all of them takes three times as 
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,10 +23,13 @@ from ..plant.structure import Structure
 from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import noise_free_reading
+from .acting_model import ActingModel
 from .own_offsets import shared_name, values_in_log
 
 #: Friction laws that are special cases of (8), with some parameters zero.
 STRIBECK_SPECIAL_CASES = ("none", "viscous", "coulomb", "stribeck")
+#: Drives that a model keeps for the next settings: more than a Jacobian has with a ripple.
+DRIVES = 32
 #: Parameters of a hypothesis by name: of the plant, SETTING.CHANNEL of a sensor, or the number of a law switch. Those
 #: not named have their nominal values.
 Setting = Mapping[str, float]
@@ -111,6 +113,11 @@ def is_applicable(structure: Structure, effect: str) -> bool:
         return False
 
 
+def _acts(effect: Effect, values: Setting, plant: Plant) -> bool:
+    """Whether an effect of a plant acts with these values."""
+    return not effect.parameters or any(values.get(p.name, plant[p.name]) != p.neutral for p in effect.parameters)
+
+
 @dataclass(frozen=True)
 class HypothesisModel:
     """A plant with every effect, driven by a log.
@@ -130,7 +137,7 @@ class HypothesisModel:
     tolerance: float = 1e-5
     label: str = ""
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """Channels that are compared: those of the scored signals, then the load cell if the system has one."""
         system = self.plant.structure.system
@@ -155,98 +162,87 @@ class HypothesisModel:
         settings = [values_in_log(values, self.label) for values in settings]
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
-        plants = [self._acting_plant(values) for values in settings]
+        acting = [self._acting(values) for values in settings]
         groups: dict[tuple[int, int], list[int]] = {}
         for i in range(len(settings)):
-            groups.setdefault((id(drives[i]), id(plants[i])), []).append(i)
+            groups.setdefault((id(drives[i]), id(acting[i])), []).append(i)
         for members in groups.values():
-            plant = plants[members[0]]
-            rows = np.array([self._row(plant, settings[i]) for i in members])
+            one, drive = acting[members[0]], drives[members[0]]
+            rows = np.array([one.parameters(self._changed(one, settings[i])) for i in members])
             start = None
             if self.start is not None:
-                start = np.array([self._start(plant, settings[i], drives[i]) for i in members])
+                given = self.start, self.plant.sensors, drive[0], self._switches
+                start = np.array([one.start(settings[i], *given) for i in members])
             batch = simulate_batch(
-                plant, rows, drives[members[0]], force=self._outer_input, hold=plant.structure.system.hold,
+                one.plant, rows, drive, force=self._outer_input, hold=self.plant.structure.system.hold,
                 start=start, sample_time=self.log.sample_time, tolerance=self.tolerance, jobs=jobs,
             )  # fmt: skip
             for j, i in enumerate(members):
                 if batch.status[j] == 0:
-                    out[i] = self._readings(plant, batch.states[j], batch.cell_force[j], settings[i])
+                    out[i] = self._readings(one, batch.states[j], batch.cell_force[j], settings[i])
         return out
 
-    def _acting_plant(self, values: Setting) -> Plant:
+    def _acting(self, values: Setting) -> ActingModel:
         """The plant with the friction law of a setting and those effects alone that act in it."""
-        switch = self._switch(values)
+        switch = next((one for one in self._switches if one.active(values)), None)
         law = "" if switch is None else switch.law
         full = self.plants_by_law.get(law, self.plant)
-        acts = {
-            effect.name: effect.name in full.structure.effects
-            and (not effect.parameters or any(values.get(p.name, full[p.name]) != p.neutral for p in effect.parameters))
+        acts = dict(self._nominally_acting[law])
+        for effect in {effect for name in values for effect in self._owners.get(name, ())}:
+            if effect.name in acts:
+                acts[effect.name] = _acts(effect, values, full)
+        names = tuple(
+            effect.name
             for effect in self._simulated_effects
-        }
-        extended = {name: EFFECTS[name].extends for name in acts}
-        acting = tuple(name for name, present in acts.items() if present and acts.get(extended[name], True))
-        known = self._acting_plants.get((law, acting))
-        if known is None:
-            known = full.with_structure(replace(full.structure, effects=acting))
-        return self._acting_plants.setdefault((law, acting), known)
+            if acts[effect.name] and acts.get(effect.extends or "", True)
+        )
+        if (law, names) not in self._acting_models:
+            plant = full.with_structure(replace(full.structure, effects=names))
+            return self._acting_models.setdefault((law, names), ActingModel.of(plant, switch))
+        return self._acting_models[law, names]
 
     @cached_property
-    def _acting_plants(self) -> dict[tuple[str, tuple[str, ...]], Plant]:
-        """(law of a switch, names of the effects) -> plant."""
+    def _acting_models(self) -> dict[tuple[str, tuple[str, ...]], ActingModel]:
+        """(law of a switch, names of the effects) -> model."""
         return {}
 
-    def _switch(self, values: Setting) -> LawSwitch | None:
-        return next((switch for switch in law_switches() if switch.active(values)), None)
+    @cached_property
+    def _switches(self) -> tuple[LawSwitch, ...]:
+        return law_switches()
 
-    def _row(self, plant: Plant, values: Setting) -> np.ndarray:
-        """The parameter vector of a setting; parameters of effects that the plant lacks are left out."""
-        switch = self._switch(values)
-        of_laws = {name for one in law_switches() for name in (one.number, *one.defaults)}
-        changed = {name: value for name, value in values.items() if "." not in name and name not in of_laws}
-        if switch is not None:
-            changed |= switch.parameters(values, plant.values)
-        row, names = plant.vector.copy(), plant.structure.equations.parameter_names
-        for name, value in changed.items():
-            if name in names or name not in self.plant.parameters:
-                row[names.index(name)] = value
-        return row
+    @cached_property
+    def _nominally_acting(self) -> dict[str, dict[str, bool]]:
+        """Law of a switch -> effect -> whether it acts at the plant's own values."""
+        plants = {"": self.plant, **{switch.law: self.plant for switch in self._switches}, **self.plants_by_law}
+        return {
+            law: {
+                effect.name: effect.name in plant.structure.effects and _acts(effect, {}, plant)
+                for effect in self._simulated_effects
+            }
+            for law, plant in plants.items()
+        }
 
-    def _start(self, plant: Plant, values: Setting, drive: np.ndarray) -> np.ndarray:
-        """State (n,) at the first sample of a run that starts in motion.
+    @cached_property
+    def _owners(self) -> dict[str, tuple[Effect, ...]]:
+        """Parameter -> simulated effects that have it."""
+        owners: dict[str, tuple[Effect, ...]] = {}
+        for effect in self._simulated_effects:
+            for parameter in effect.parameters:
+                owners[parameter.name] = (*owners.get(parameter.name, ()), effect)
+        return owners
 
-        Measured states are corrected for the sensor errors of the hypothesis. States of neutral effects are zero.
-        """
-        assert self.start is not None
-        state, index = plant.rest.copy(), plant.structure.equations.index
-        channels = {name: channel for channel, name in plant.structure.system.outputs.items()}
-        names = [s.name for s in plant.structure.equations.states]
+    @cached_property
+    def _of_switches(self) -> frozenset[str]:
+        """Free numbers of the law switches, which are no parameters of the plant."""
+        return frozenset(name for one in self._switches for name in (one.number, *one.defaults))
 
-        def value(name: str) -> float:
-            return values.get(name, plant[name] if name in plant.parameters else 0.0)
-
-        for name, level in self.start.items():
-            channel = channels.get(name, "")
-            if name in names and channel in self.plant.sensors:
-                sensor = self.plant.sensors[channel]
-                bias, scale = values.get(f"bias.{channel}", sensor.bias), values.get(f"scale.{channel}", sensor.scale)
-                level = (level * sensor.scale + sensor.bias - bias) / scale
-            if name in names:
-                state[index(name)] = level
-        for effect in map(EFFECTS.__getitem__, plant.structure.effects):
-            present = effect.parameters and value(effect.parameters[0].name) != effect.parameters[0].neutral
-            for own in effect.states:
-                if not present:
-                    state[index(own.name)] = 0.0
-                elif own.starts_at == plant.structure.system.inputs[0]:
-                    state[index(own.name)] = drive[0]
-        for switch in law_switches():
-            asked = inspect.signature(switch.deflection).parameters
-            if switch.state in names and all(name in names or name in plant.parameters for name in asked):
-                given = {name: state[index(name)] if name in names else value(name) for name in asked}
-                compliance = values[switch.number] if switch.active(values) else 1.0 / plant[switch.parameter]
-                state[index(switch.state)] = switch.deflection(**given) * compliance
-        return state
+    def _changed(self, acting: ActingModel, values: Setting) -> dict[str, float]:
+        """The parameters that a setting changes in a model; those of effects that it lacks are left out."""
+        changed = {name: value for name, value in values.items() if "." not in name and name not in self._of_switches}
+        if acting.switch is not None:
+            changed |= acting.switch.parameters(values, acting.plant.values)
+        known = self.plant.parameters
+        return {name: value for name, value in changed.items() if name in acting.columns or name not in known}
 
     @cached_property
     def _replay_effects(self) -> tuple[Effect, ...]:
@@ -271,31 +267,57 @@ class HypothesisModel:
         return logged_inputs(self.plant, self.log)[1]
 
     def _drive(self, values: Setting) -> np.ndarray:
-        """The drive (N,) under a setting: what acted on the rig, plus the contribution of replayed effects."""
-        drive, system = self._nominal_drive, self.plant.structure.system
-        if any(values.get(f"{setting}.{system.drive}") for setting in ("delay", "filter")):
-            sensor = self.sensor(system.drive, values)
-            held = system.hold == "zero_order"
-            drive = invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=held)
+        """The drive (N,) under a setting: what acted on the rig, plus the contribution of replayed effects.
+
+        The same array for the same drive: settings with one drive are simulated together.
+        """
+        late = tuple(
+            values.get(f"{setting}.{self.plant.structure.system.drive}", 0.0) for setting in ("delay", "filter")
+        )
+        added = []
         for effect in self._replay_effects:
             assert effect.replay is not None
-            merged = {**self.plant.values, **values}
-            if merged[effect.parameters[0].name] != effect.parameters[0].neutral:
-                drive = drive + effect.replay.drive(merged, self.log)
-        return drive
+            own = {name: values.get(name, self.plant[name]) for name in effect.replay.symbols}
+            if own[effect.parameters[0].name] != effect.parameters[0].neutral:
+                added.append((effect, tuple(own.items())))
+        key = late, tuple(added)
+        known = self._drives.get(key)
+        if known is not None:
+            return known
+        drive = self._late_drive(values) if any(late) else self._nominal_drive
+        for effect, items in added:
+            assert effect.replay is not None
+            drive = drive + effect.replay.drive(dict(items), self.log)
+        if len(self._drives) >= DRIVES:
+            self._drives.clear()
+        return self._drives.setdefault(key, drive)
 
-    def _readings(self, plant: Plant, states: np.ndarray, force: np.ndarray, values: Setting) -> dict[str, np.ndarray]:
-        """Channel -> sensor reading (N,) from states (N, n) of a plant and load cell force (N,)."""
-        index, system = plant.structure.equations.index, plant.structure.system
-        out = {}
+    @cached_property
+    def _drives(self) -> dict[object, np.ndarray]:
+        """The last drives (N,) by what they depend on."""
+        return {}
+
+    def _late_drive(self, values: Setting) -> np.ndarray:
+        """The drive (N,) that acted on the rig if its sensor has the delay and filter of a setting."""
+        system = self.plant.structure.system
+        sensor = self.sensor(system.drive, values)
+        return invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=system.hold == "zero_order")
+
+    def _readings(
+        self, acting: ActingModel, states: np.ndarray, force: np.ndarray, values: Setting
+    ) -> dict[str, np.ndarray]:
+        """Channel -> sensor reading (N,) from states (N, n) of a model and load cell force (N,)."""
+        system, out = self.plant.structure.system, {}
         for channel in self.channels:
-            signal = force if channel == system.cell_channel else states[:, index(system.outputs[channel])]
+            signal = force if channel == system.cell_channel else states[:, acting.positions[system.outputs[channel]]]
             out[channel] = noise_free_reading(self.sensor(channel, values), signal, self.log.sample_time)
         return out
 
     def sensor(self, channel: str, values: Setting) -> Sensor:
         """A channel's sensor under a setting; its delay and filter add to the nominal ones."""
         sensor = self.plant.sensors.get(channel) or Sensor(channel, CHANNELS[channel].unit)
+        if not any(f"{setting}.{channel}" in values for setting in ("scale", "bias", "delay", "filter")):
+            return sensor
         return replace(
             sensor,
             scale=values.get(f"scale.{channel}", sensor.scale),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.diagnosis.acting_model import ActingModel
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Pool, screen, start_values
 from ehsa_ctrl.diagnosis.objective import objective_of
@@ -102,7 +103,8 @@ def test_a_start_in_motion_is_as_the_nominal_sensors_give_it(rig):
     model = HypothesisModel(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
 
     def level(**values):
-        return model._start(plant, values, log["current"])[plant.structure.equations.index("P_1")]
+        acting = ActingModel.of(plant, None)
+        return acting.start(values, model.start, plant.sensors, 0.0, ())[acting.positions["P_1"]]
 
     assert level() == pytest.approx(2e6, rel=1e-12)
     assert level(**{"bias.p1": 4e4}) == pytest.approx((1.2 * 2e6 + 3e4 - 4e4) / 1.2, rel=1e-12)

@@ -83,11 +83,13 @@ class MeasuredReplay:
     channel: channel that `prepare` adds to a log.
     prepare: plant's parameters, log, reference log or None -> the log with the channel, in phase with the reference.
     drive: parameters, log with the channel -> (N,) addition to the first input, in its unit.
+    symbols: parameters on which `drive` depends.
     """
 
     channel: str
     prepare: Callable[[Mapping[str, float], Log, Log | None], Log]
     drive: Callable[[Mapping[str, float], Log], np.ndarray]
+    symbols: tuple[str, ...]
 
 
 @dataclass(frozen=True)

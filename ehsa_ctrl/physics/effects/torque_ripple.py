@@ -68,7 +68,7 @@ effect = Effect(
     adds={"theta_dot": angle_rate},
     candidates=candidates,
     # A small error of the simulated speed soon makes the angle wrong by whole turns; the ripple would act as noise.
-    replay=MeasuredReplay(ANGLE, with_angle, ripple_current),
+    replay=MeasuredReplay(ANGLE, with_angle, ripple_current, ("K_T", "T_c", "n_c", "phi_c", "a_c2", "n_c2", "phi_c2")),
     caveat="in these runs the torque ripple follows the measured shaft angle; in a free run of the improved plant the "
     "angle drifts, so that the ripple has the right amplitude but not the right phase",
     source="textbook form",

@@ -1,0 +1,103 @@
+"""What is simulated of a hypothesis: the plant with the effects that act in it, and what its runs have in common."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from ..physics.effects import EFFECTS, Effect, LawSwitch
+from ..plant.plant import Plant, Sensor
+
+
+@dataclass(frozen=True)
+class ActingModel:
+    """A plant with the effects that act in a hypothesis.
+
+    switch: of the rod's friction law, None if it is the nominal one. columns: parameter -> column of the parameter
+    vector. positions: state -> position in the state vector. vector, rest: see `Plant`. effects: of the plant.
+    """
+
+    plant: Plant
+    switch: LawSwitch | None
+    columns: Mapping[str, int]
+    positions: Mapping[str, int]
+    vector: np.ndarray
+    rest: np.ndarray
+    effects: tuple[Effect, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, switch: LawSwitch | None) -> ActingModel:
+        """From the plant."""
+        equations = plant.structure.equations
+        return cls(
+            plant,
+            switch,
+            columns={name: i for i, name in enumerate(equations.parameter_names)},
+            positions={state.name: i for i, state in enumerate(equations.states)},
+            vector=plant.vector,
+            rest=plant.rest,
+            effects=tuple(map(EFFECTS.__getitem__, plant.structure.effects)),
+        )
+
+    def parameters(self, values: Mapping[str, float]) -> np.ndarray:
+        """The parameter vector (n,) with these values."""
+        row = self.vector.copy()
+        for name, value in values.items():
+            row[self.columns[name]] = value
+        return row
+
+    def start(
+        self,
+        values: Mapping[str, float],
+        measured: Mapping[str, float],
+        sensors: Mapping[str, Sensor],
+        drive: float,
+        switches: tuple[LawSwitch, ...],
+    ) -> np.ndarray:
+        """State (n,) at the first sample of a run that starts in motion.
+
+        Measured states are corrected for the sensor errors of the hypothesis. States of neutral effects are zero.
+
+        values: of the hypothesis. measured: state -> value by the nominal sensors. sensors: the nominal ones. drive:
+        at the first sample. switches: of all friction laws, whose states may be in the nominal plant too.
+        """
+        state, plant = self.rest.copy(), self.plant
+        channels = {name: channel for channel, name in plant.structure.system.outputs.items()}
+
+        def value(name: str) -> float:
+            return values.get(name, plant[name] if name in plant.parameters else 0.0)
+
+        for name, level in measured.items():
+            channel = channels.get(name, "")
+            if name not in self.positions:
+                continue
+            if channel in sensors:
+                sensor = sensors[channel]
+                bias, scale = values.get(f"bias.{channel}", sensor.bias), values.get(f"scale.{channel}", sensor.scale)
+                level = (level * sensor.scale + sensor.bias - bias) / scale
+            state[self.positions[name]] = level
+        for effect in self.effects:
+            if not effect.states:
+                continue
+            present = effect.parameters and value(effect.parameters[0].name) != effect.parameters[0].neutral
+            for own in effect.states:
+                if not present:
+                    state[self.positions[own.name]] = 0.0
+                elif own.starts_at == plant.structure.system.inputs[0]:
+                    state[self.positions[own.name]] = drive
+        for switch in switches:
+            asked = _arguments(switch.deflection)
+            if switch.state in self.positions and all(n in self.positions or n in plant.parameters for n in asked):
+                given = {n: state[self.positions[n]] if n in self.positions else value(n) for n in asked}
+                compliance = values[switch.number] if switch.active(values) else 1.0 / plant[switch.parameter]
+                state[self.positions[switch.state]] = switch.deflection(**given) * compliance
+        return state
+
+
+@cache
+def _arguments(function: Callable[..., float]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
