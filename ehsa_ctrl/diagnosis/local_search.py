@@ -3,7 +3,7 @@
 The first search adds effects one by one to the nominal plant. Where several parameters are off beside an effect, it may
 begin with a wrong one. Here the moves start from the best sets that it found, with responses linearised there. The
 cost is that over short windows where the log allows it, because it has fewer local minima than that of a long free run
-(see `refit.refit_thoroughly`).
+(see `refit.refit_by_windows`).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
     objective = replace(hypotheses.objective, segment=searched, level=1.0)
     found = Hypotheses.initial(objective, hypotheses.candidates, {}, hypotheses.pool)
 
-    found = found.with_thorough_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets", None)
+    found = found.with_converged_refits([Task(fit.candidates, fit.values) for fit in bases], "neighbouring sets")
     if not found.fits:
         return []
     found = found.with_level_of(found.best()[0])

@@ -215,10 +215,16 @@ def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFi
 
 
 def refit_until_converged(
-    objective: Objective, candidates: Sequence[CandidateEffect], start: Setting
+    objective: Objective,
+    candidates: Sequence[CandidateEffect],
+    start: Setting,
+    sensitivities: Mapping[str, np.ndarray] | None = None,
 ) -> HypothesisFit | None:
-    """A fit from `start` until its cost no longer falls with a new Jacobian; None if the start can't be simulated."""
-    fit = refit(objective, candidates, start, {}, steps=STEPS_A_ROUND)
+    """A fit from `start` until its cost no longer falls with a new Jacobian; None if the start can't be simulated.
+
+    sensitivities: of a fit nearby, see `refit`.
+    """
+    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND)
     for _ in range(MOST_ROUNDS):
         if fit is None or fit.settled:
             break
@@ -228,23 +234,20 @@ def refit_until_converged(
     return fit
 
 
-def refit_thoroughly(
-    objective: Objective, windows: Segment | None, candidates: Sequence[CandidateEffect], start: Setting
-) -> HypothesisFit | None:
-    """The better of two converged fits: from `start`, and from where a fit over short windows leads.
+def refit_by_windows(objective: Objective, windows: Segment, start: Setting, fit: HypothesisFit) -> HypothesisFit:
+    """The better of a converged fit and of one from where a fit over short windows leads.
 
     The cost of a long free run is a rough function of the parameters where the rod sticks and slips: a slip that comes
     late spoils all that follows. Over windows that begin with measured states it is smoother. That is the idea of
     multiple shooting (F. Carbonell et al., arXiv:1507.00975, 2015, with further references).
 
-    windows: training data in short windows, None to do without.
+    windows: training data in short windows. start: of the fit over them.
     """
-    fits = [refit_until_converged(objective, candidates, start)]
-    if windows is not None:
-        over_windows = refit_until_converged(replace(objective, segment=windows), candidates, start)
-        if over_windows is not None:
-            fits.append(refit_until_converged(objective, candidates, over_windows.values))
-    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.cost, default=None)
+    over_windows = refit_until_converged(replace(objective, segment=windows), fit.candidates, start)
+    if over_windows is None:
+        return fit
+    again = refit_until_converged(objective, fit.candidates, over_windows.values, fit.sensitivities)
+    return fit if again is None else min(fit, again, key=lambda one: one.cost)
 
 
 def refit_nominal(objective: Objective, sensitivities: Mapping[str, np.ndarray], prior_factor: float = 1.0) -> Setting:

@@ -254,7 +254,7 @@ def score_hypotheses(
 ) -> tuple[Hypotheses, list[ScoredHypothesis], list[ScoredHypothesis]]:
     """Score the best hypotheses of each size, refine the most promising ones and score them again.
 
-    windows: training data in short windows, see `refit_thoroughly`. searched: data of the local search, by default the
+    windows: training data in short windows, see `refit_by_windows`. searched: data of the local search, by default the
     training data. Returns the hypotheses with the refined fits, the final scores, and the first ones.
 
     Raises InputError if no hypothesis can be simulated on the held-out data.
@@ -279,11 +279,11 @@ def score_hypotheses(
         for one in ([] if scoring.lumped else rank(refined))
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
-    hypotheses = hypotheses.with_thorough_refits(exact, "sets of causes", windows)
+    hypotheses = hypotheses.with_converged_refits(exact, "sets of causes", windows)
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
     bases = [] if scoring.lumped else [one.fit for one in rank(found)[:N_BASES]]
     near = neighbours(hypotheses, bases, searched or scoring.training)
-    hypotheses = hypotheses.with_thorough_refits(near, "neighbouring sets", None)
+    hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
     unscored = [fit for fit in hypotheses.fits_of([*exact, *near]) if id(fit) not in scored]
