@@ -20,6 +20,7 @@ from .stages.pipeline import M_CURRENT, M_LAW, TRACES, pipeline
 from .stages.rest import Dither, Rest, rest_settings
 from .stages.supervision import Supervision
 from .stages.trajectory import TrajectoryLimits, trajectory_settings
+from .words import drive_limit, law_words
 
 if TYPE_CHECKING:
     import control
@@ -75,12 +76,6 @@ class Law(Protocol):
     def linear(self) -> control.StateSpace:
         """The law without limits: discrete, inputs [*REFERENCE, *MEASURED], output current; see law_state_space."""
         ...
-
-
-def law_words(law: Any, unit: str) -> str:
-    """A law in words, with the drive's unit where the law has units of the drive."""
-    words = getattr(law, "words", None)
-    return str(law) if words is None else str(words(unit))
 
 
 @dataclass(frozen=True)
@@ -177,7 +172,7 @@ class SampledController(Result):
         ]
         suffix = f", with {', '.join(stages)}" if stages else ""
         return (
-            f"{self.name}: {self.law_words}, |current| <= {self.current_limit:g} {self.drive_unit}, "
+            f"{self.name}: {self.law_words}, {drive_limit(self.current_limit, self.drive_unit)}, "
             f"every {self.sample_time:g} s{suffix}" + (f" ({self.note})" if self.note else "")
         )
 

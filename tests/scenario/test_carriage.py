@@ -102,10 +102,10 @@ def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("pid", r"k_p = \S+ N/m, k_i = \S+ N/\(m s\), k_d = \S+ N s/m, .*\|current\| <= 150 N,"),
-        ("mpc", r"\|current\| <= 150 N, \|current rate\| <= 15000 N/s; without them .*\|current\| <= 150 N,"),
-        ("cascade", r"k_w = \S+ N s/m, k_iw = \S+ N/m, T_f = .*\|current\| <= 150 N,"),
-        ("adrc", r"on the position, b_0 = \S+ m/\(s2 N\), \|current\| <= 150 N,"),
+        ("pid", r"k_p = \S+ N/m, k_i = \S+ N/\(m s\), k_d = \S+ N s/m, .*\|F_M\| <= 150 N,"),
+        ("mpc", r"\|F_M\| <= 150 N, \|F_M rate\| <= 15000 N/s; without them .*\|F_M\| <= 150 N,"),
+        ("cascade", r"k_w = \S+ N s/m, k_iw = \S+ N/m, T_f = .*\|F_M\| <= 150 N,"),
+        ("adrc", r"on the position, b_0 = \S+ m/\(s2 N\), \|F_M\| <= 150 N,"),
     ],
 )
 def test_a_design_for_a_drive_in_newtons_speaks_in_newtons(kind, words, tmp_path, monkeypatch):

@@ -35,6 +35,7 @@ from ..state_space.mpc import (
     solve_embedded,
 )
 from ..state_space.state_feedback import estimate, target_current
+from ..words import WordsByUnit
 from .scheduled_lqr import ScheduledLqr
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def _compiled() -> Any:
 
 
 @dataclass(frozen=True)
-class ScheduledMpc:
+class ScheduledMpc(WordsByUnit):
     """Feedback law of a scheduled MPC, a design.controller.Law that runs as plain Python around its solvers.
 
     Attributes
@@ -231,9 +232,6 @@ class ScheduledMpc:
         own[_ITERATIONS], own[_TIME] = iterations, perf_counter() - begin
         own[_REASON] = self.laws[0].reason_in_time(reason, own[_TIME])
         return float(functions.end_scheduled_of_arrays(reference, memory, settings, float(extra), target))
-
-    def __str__(self) -> str:
-        return self.words("A")
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""

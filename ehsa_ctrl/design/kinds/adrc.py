@@ -26,6 +26,7 @@ from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
 from ..controller import SampledController
+from ..words import WordsByUnit
 from ._kind import ControllerKind, PositionControllerFile, require_stable
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def observer_gains(w_o: float, sample_time: float, *, measures_speed: bool) -> t
 
 
 @dataclass(frozen=True)
-class Adrc:
+class Adrc(WordsByUnit):
     """Feedback law of an ADRC, a design.controller.Law.
 
     Attributes
@@ -154,9 +155,6 @@ class Adrc:
 
     def linear(self) -> control.StateSpace:
         return law_state_space(replace(self, current_limit=inf), self.sample_time)
-
-    def __str__(self) -> str:
-        return self.words("A")
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""

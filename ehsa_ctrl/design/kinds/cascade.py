@@ -23,6 +23,7 @@ from ...core.definition import AngularFrequency, Definition, In, RadianPerSecond
 from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
+from ..words import WordsByUnit
 from ._kind import ControllerKind, PositionControllerFile
 from .pid import Gains, PhaseMargin
 
@@ -126,7 +127,7 @@ def rod_cascade_law(
 
 
 @dataclass(frozen=True)
-class Cascade:
+class Cascade(WordsByUnit):
     """Feedback law of a cascade, a design.controller.Law.
 
     Attributes
@@ -162,9 +163,6 @@ class Cascade:
 
     def linear(self) -> control.StateSpace:
         return law_state_space(replace(self, speed_limit=inf, current_limit=inf), self.sample_time)
-
-    def __str__(self) -> str:
-        return self.words("A")
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""

@@ -25,6 +25,7 @@ from ...core.definition import AngularFrequency, Definition, In, Radian, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..tuning.constraints import Tuning, position_plant
+from ..words import WordsByUnit
 from ._kind import ControllerKind, PositionControllerFile
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ FORMS = {
 
 
 @dataclass(frozen=True)
-class Gains:
+class Gains(WordsByUnit):
     """Parallel form: k_p [A/m], k_i [A/(m s)], k_d [A s/m], filter time constant T_f [s]."""
 
     k_p: float
@@ -66,9 +67,6 @@ class Gains:
             f"k_p = {self.k_p:.4g} {unit}/m, k_i = {self.k_i:.4g} {unit}/(m s), k_d = {self.k_d:.4g} {unit} s/m, "
             f"T_f = {self.T_f:.3g} s"
         )
-
-    def __str__(self) -> str:
-        return self.words("A")
 
     def response(self, z: Any, sample_time: float) -> Any:
         """Frequency response C(z) [A/m] of the sampled law at points z (n,) of the unit circle.
@@ -295,7 +293,7 @@ def pid_law(
 
 
 @dataclass(frozen=True)
-class Pid:
+class Pid(WordsByUnit):
     """Feedback law of a position PID, a design.controller.Law.
 
     Attributes
@@ -334,9 +332,6 @@ class Pid:
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""
         return f"parallel PID, {self.gains.words(unit)}"
-
-    def __str__(self) -> str:
-        return self.words("A")
 
 
 def designed_gains(file: Any, system: control.StateSpace) -> Gains:

@@ -21,9 +21,10 @@ from ...core.definition import Definition, Hertz, Metre, Second, validate
 from ...core.errors import InputError, choices, shown
 from ..analysis.learning import Learning, design_learning
 from ..analysis.sampled import drive_unit_of
-from ..controller import Law, SampledController, law_words
+from ..controller import Law, SampledController
 from ..review_checks import ReviewContext, ReviewFinding
 from ..state_space.state_feedback import state_feedback
+from ..words import WordsByUnit, law_words
 from ._kind import ControllerKind, PositionControllerFile
 from .adrc import adrc_law
 from .cascade import RodCascade, cascade_law
@@ -170,7 +171,7 @@ BASES: dict[str, Callable[..., float]] = {
 
 
 @dataclass(frozen=True)
-class Repetitive:
+class Repetitive(WordsByUnit):
     """Feedback law of a repetitive controller, a design.controller.Law.
 
     Attributes
@@ -226,9 +227,6 @@ class Repetitive:
             "good" if self.learning.contraction < 0.95 else "warning",
             "lower [cycle] cutoff: a plant that differs from the model may diverge",
         )
-
-    def __str__(self) -> str:
-        return self.words("A")
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""

@@ -21,6 +21,7 @@ import numpy as np
 from ...core.errors import InputError
 from ..qp import QP_SOLVERS, SOLVED, QpSolution, QpSolver
 from ..qp._dual_active_set import solve_qp
+from ..words import WordsByUnit, drive_limit
 from .mpc_problem import Condensed, MpcProblem, condense, motion_ahead
 from .state_feedback import StateFeedback, estimate, predict, regulator_current, target_current
 
@@ -175,7 +176,7 @@ def _compiled() -> Any:
 
 
 @dataclass(frozen=True)
-class Mpc:
+class Mpc(WordsByUnit):
     """Feedback law of an MPC, a design.controller.Law that runs as plain Python around a solver.
 
     Attributes
@@ -336,18 +337,15 @@ class Mpc:
         """The reason, or that the deadline has passed."""
         return 4.0 if reason == SOLVED and self.deadline is not None and seconds > self.deadline else reason
 
-    def __str__(self) -> str:
-        return self.words("A")
-
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""
-        limits = [f"|current| <= {self.problem.current_limit:g} {unit}"]
+        limits = [drive_limit(self.problem.current_limit, unit)]
         if self.own is not None:
             samples = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
             size = f"{len(self.own.F)} unknowns, {len(self.own.G)} constraints"
             return f"MPC over {samples} with a cost and constraints of your own ({size}) by {self.solver}, {limits[0]}"
         if self.problem.limits.current_rate is not None:
-            limits.append(f"|current rate| <= {self.problem.limits.current_rate:g} {unit}/s")
+            limits.append(drive_limit(self.problem.limits.current_rate, unit, rate=True))
         units = {"speed": "rad/s", "pressure": "Pa", "position": "m"}
         limits += [
             f"|{signal}| <= {limit:g} {units[signal]} (soft)" for signal, limit in self.problem.limits.soft.items()
