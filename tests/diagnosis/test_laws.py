@@ -46,7 +46,6 @@ def recorded(rig):
         ("pump_torque_loss", {"c_f": 0.12, "b_f": 2.0, "w_f": 40.0}),
         ("torque_saturation", {"k_sat": 0.0, "I_knee": 1.8, "s_knee": 0.2}),
         ("end_stop", {"x_stop": np.inf, "x_cushion": 0.003, "C_cushion": 5e7}),
-        ("end_stop", {"x_stop": np.inf, "x_cushion": 0.003, "C_cushion": 0.0, "B_cushion": 3e6}),
         ("drive_lag", {"tau_I": 0.01, "b_I": 1.0}),
         ("relief_hysteresis", {"P_crack": 24e5, "P_hyst": 3e5, "K_relief": 2e-7}),
         ("position_dependent_friction", {"h_FR": 0.4, "x_h": 0.002, "n_h": 150.0}),

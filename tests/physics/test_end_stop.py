@@ -10,15 +10,15 @@ STOP = {"x_stop": np.inf, "K_stop": 1e8, "B_stop": 1e5}
 
 
 def test_the_cushion_resists_motion_towards_the_end_alone():
-    """(B v + C v^2) d at either end, nothing on the way back or before the cushion."""
+    """C d v^2 at either end, nothing on the way back or before the cushion."""
     force = {
-        (x, v): net_force(0.0, x, v, **STOP, x_cushion=0.03, C_cushion=1e7, B_cushion=2e5)
+        (x, v): net_force(0.0, x, v, **STOP, x_cushion=0.03, C_cushion=1e7)
         for x in (-0.04, -0.02, 0.02, 0.04)
         for v in (-0.1, 0.1)
     }
 
-    assert force[0.04, 0.1] == pytest.approx(-0.01 * (2e5 * 0.1 + 1e7 * 0.01), rel=1e-12)
-    assert force[-0.04, -0.1] == pytest.approx(0.01 * (2e5 * 0.1 + 1e7 * 0.01), rel=1e-12)
+    assert force[0.04, 0.1] == pytest.approx(-1e7 * 0.01 * 0.01, rel=1e-12)
+    assert force[-0.04, -0.1] == pytest.approx(1e7 * 0.01 * 0.01, rel=1e-12)
     assert all(value == 0.0 for at, value in force.items() if at not in [(0.04, 0.1), (-0.04, -0.1)])
 
 

@@ -22,7 +22,7 @@ REACHED = {"end_stop": 0.02, "relief_valve": 24e5, "anti_cavitation": 19e5}
 #: Further forms of their laws.
 FORMS = {
     "a_c2": 0.5, "E_w": 50.0, "b_f": 1.0, "c_w": 1e-4, "I_knee": 1.5, "x_cushion": 0.005, "P_diss": 20e5, "P_hyst": 1e5,
-    "c_FR2": 0.2, "c_FR5": -0.1, "b_I": 0.6, "B_cushion": 1e5,
+    "c_FR2": 0.2, "c_FR5": -0.1, "b_I": 0.6,
     "n_h": 60.0, "x_h": 4e-3, "w_h": 2e-3, "h_FR2": 0.3, "x_h2": -4e-3,
 }  # fmt: skip
 CURRENT = 2.0 * np.sin(np.linspace(0, 20, 1001))
