@@ -28,7 +28,7 @@ class RandomEffects:
     """The fleet and its units.
 
     mean (k,), mean_sd (k,): of the fleet. spread (k,): standard deviation between units.
-    units (R, k), units_sd (R, k): of each unit, given the fleet (empirical Bayes).
+    units (R, k): of each unit, given the fleet (empirical Bayes).
     determined (k,): units' worth of information on each parameter: 1 per unit that determines it far better than the
         spread, 0 per unit whose logs say nothing.
     """
@@ -37,7 +37,6 @@ class RandomEffects:
     mean_sd: np.ndarray
     spread: np.ndarray
     units: np.ndarray
-    units_sd: np.ndarray
     determined: np.ndarray
 
 
@@ -62,7 +61,6 @@ def random_effects(score: np.ndarray, information: np.ndarray, start: np.ndarray
         mean_sd=np.sqrt(of_mean),
         spread=np.where(variance <= 1.01 * LEAST**2, 0.0, np.sqrt(variance)),
         units=found,
-        units_sd=np.sqrt(np.einsum("rii->ri", own)),
         determined=np.sum(np.maximum(1.0 - np.einsum("rii->ri", own) / variance, 0.0), axis=0),
     )
 

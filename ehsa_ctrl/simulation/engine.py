@@ -103,6 +103,14 @@ def checked_input(values: np.ndarray | Sequence[float], name: str, length: int |
     return array
 
 
+def checked_inputs(
+    current: np.ndarray | Sequence[float], force: np.ndarray | Sequence[float] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Current (N,) and outer force (N,), by default zero. Raises InputError as `checked_input` does."""
+    checked = checked_input(current, "current")
+    return checked, np.zeros(checked.size) if force is None else checked_input(force, "force", checked.size)
+
+
 def checked_start(plant: Plant, start: np.ndarray | Sequence[float] | None) -> np.ndarray:
     """A copy of the initial state (n,), by default rest. Raises InputError for another shape or infinite numbers."""
     first = np.array(plant.rest if start is None else start, dtype=float)
@@ -157,8 +165,7 @@ def simulate(
             raise InputError("sample_time is given twice; leave it out, because the time response has one")
         current, outside, sample_time = drives_of(plant, current)
         force = outside if force is None else force
-    current = checked_input(current, "current")
-    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
+    current, outer = checked_inputs(current, force)
     dt = plant.sample_time if sample_time is None else sample_time
     first = checked_start(plant, start)
     batch = _run(plant, plant.vector[None, :], first[None, :], current, outer, hold, dt, tolerance)
@@ -241,8 +248,7 @@ def simulate_batch(
     ------
     InputError: arrays of the wrong shape, or an input that is not finite.
     """
-    current = checked_input(current, "current")
-    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
+    current, outer = checked_inputs(current, force)
     parameters = np.array(parameters, dtype=float, order="C")
     names = plant.structure.equations.parameter_names
     if parameters.ndim != 2 or parameters.shape[1] != len(names):

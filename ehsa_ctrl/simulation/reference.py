@@ -17,7 +17,7 @@ from ..core.errors import InputError, SimulationError
 from ..plant.plain import evaluator
 from ..plant.plant import Plant
 from ..plant.system import Contact
-from .engine import Hold, checked_input, checked_start, initial_modes
+from .engine import Hold, checked_inputs, checked_start, initial_modes
 
 METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
 
@@ -52,8 +52,7 @@ def simulate_reference(
 
     Raises InputError as `simulate` does, and SimulationError if the integrator stops.
     """
-    current = checked_input(current, "current")
-    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
+    current, outer = checked_inputs(current, force)
     dt = plant.sample_time if sample_time is None else sample_time
     y = checked_start(plant, start)
     if not dt > 0.0 or not 1e-13 <= rtol <= 0.1 or method not in METHODS:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError, SimulationError, choices
 from ..plant.plant import Plant
-from .engine import DONE, UNFINISHED, Hold, checked_input, checked_start, initial_carry, initial_modes, why_stopped
+from .engine import DONE, UNFINISHED, Hold, checked_inputs, checked_start, initial_carry, initial_modes, why_stopped
 from .plant_code import plant_code
 
 
@@ -143,8 +143,7 @@ def _run(
         if name not in known:
             raise InputError(f"{plant.name} has no parameter {name!r}; {choices(name, known)}")
         columns[known.index(name)] = column
-    current = checked_input(current, "current")
-    outer = np.zeros(current.size) if force is None else checked_input(force, "force", current.size)
+    current, outer = checked_inputs(current, force)
     dt = plant.sample_time if sample_time is None else sample_time
     y = checked_start(plant, start)
     out = np.full((current.size, y.size), np.nan)
