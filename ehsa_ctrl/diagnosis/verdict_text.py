@@ -82,7 +82,9 @@ def _closed(d: Diagnosis, *, seen: bool) -> str:
         )
     share = 1.0 - d.gap["with_effects"]["total"] / d.gap["nominal"]["total"]
     closes, where = "closes" if len(d.effects) == 1 else "close", "there" if seen else "on held-out data"
-    return f", which {closes} {100 * share:.0f} % of the total gap {where}"
+    # Where effects are named in part, further numbers of the improved plant may have changed much.
+    beside = " with the refitted nominal values" if d.verdict == "partly" else ""
+    return f", which{beside} {closes} {100 * share:.0f} % of the total gap {where}"
 
 
 def _law(d: Diagnosis) -> str:

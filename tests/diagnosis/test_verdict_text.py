@@ -18,7 +18,8 @@ def found(verdict, held, whole, after=0.0):
     }
     return Diagnosis(
         load_plant("ehsa"), None, 0.03, verdict, (("flow", 1.0),) if verdict != "no_gap" else (),
-        (cause,) if verdict in ("effect", "ambiguous") else (), gaps, {"speed": whole, "p1": whole / 2, "total": whole},
+        (cause,) if verdict in ("effect", "ambiguous", "partly") else (), gaps,
+        {"speed": whole, "p1": whole / 2, "total": whole},
         "the last third of log.csv", {}, {}, {},
     )  # fmt: skip
 
@@ -48,6 +49,15 @@ def test_a_gap_that_only_the_whole_log_has_is_said_to_be_its_own():
 def test_what_a_cause_closes_is_of_the_same_data():
     """All signals together, as in the column total."""
     assert "which closes 90 % of the total gap there." in found("effect", 0.2, 0.3, after=0.02).sentence
+
+
+def test_what_is_closed_in_part_takes_the_refitted_values_too():
+    """The improved plant has them beside the named effect."""
+    sentence = found("partly", 0.2, 0.3, after=0.05).sentence
+
+    assert (
+        "comes from internal_leakage, which with the refitted nominal values closes 75 % of the total gap" in sentence
+    )
 
 
 def test_a_parameter_that_the_plant_lacks_has_no_nominal_value():
