@@ -8,7 +8,7 @@ from .analysis.sampled import DRIVES
 
 
 class WordsByUnit:
-    """A law in words where the drive has a unit; as a text, with the current in A."""
+    """A law whose words depend on the unit of the drive; `str` takes A."""
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""

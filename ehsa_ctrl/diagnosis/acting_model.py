@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -17,35 +17,39 @@ from ..plant.plant import Plant, Sensor
 class ActingModel:
     """A plant with the effects that act in a hypothesis.
 
-    switch: of the rod's friction law, None if it is the nominal one. columns: parameter -> column of the parameter
-    vector. positions: state -> position in the state vector. vector, rest: see `Plant`. effects: of the plant.
+    switch: of the rod's friction law, None if it is the nominal one.
     """
 
     plant: Plant
     switch: LawSwitch | None
-    columns: Mapping[str, int]
-    positions: Mapping[str, int]
-    vector: np.ndarray
-    rest: np.ndarray
-    effects: tuple[Effect, ...]
 
-    @classmethod
-    def of(cls, plant: Plant, switch: LawSwitch | None) -> ActingModel:
-        """From the plant."""
-        equations = plant.structure.equations
-        return cls(
-            plant,
-            switch,
-            columns={name: i for i, name in enumerate(equations.parameter_names)},
-            positions={state.name: i for i, state in enumerate(equations.states)},
-            vector=plant.vector,
-            rest=plant.rest,
-            effects=tuple(map(EFFECTS.__getitem__, plant.structure.effects)),
-        )
+    @cached_property
+    def columns(self) -> dict[str, int]:
+        """Parameter -> column of the parameter vector."""
+        return {name: i for i, name in enumerate(self.plant.structure.equations.parameter_names)}
+
+    @cached_property
+    def positions(self) -> dict[str, int]:
+        """State -> position in the state vector."""
+        return {state.name: i for i, state in enumerate(self.plant.structure.equations.states)}
+
+    @cached_property
+    def _vector(self) -> np.ndarray:
+        return self.plant.vector
+
+    @cached_property
+    def _rest(self) -> np.ndarray:
+        return self.plant.rest
+
+    @cached_property
+    def _effects(self) -> tuple[Effect, ...]:
+        """Its effects that have states."""
+        effects = map(EFFECTS.__getitem__, self.plant.structure.effects)
+        return tuple(effect for effect in effects if effect.states)
 
     def parameters(self, values: Mapping[str, float]) -> np.ndarray:
         """The parameter vector (n,) with these values."""
-        row = self.vector.copy()
+        row = self._vector.copy()
         for name, value in values.items():
             row[self.columns[name]] = value
         return row
@@ -65,7 +69,7 @@ class ActingModel:
         values: of the hypothesis. measured: state -> value by the nominal sensors. sensors: the nominal ones. drive:
         at the first sample. switches: of all friction laws, whose states may be in the nominal plant too.
         """
-        state, plant = self.rest.copy(), self.plant
+        state, plant = self._rest.copy(), self.plant
         channels = {name: channel for channel, name in plant.structure.system.outputs.items()}
 
         def value(name: str) -> float:
@@ -80,9 +84,7 @@ class ActingModel:
                 bias, scale = values.get(f"bias.{channel}", sensor.bias), values.get(f"scale.{channel}", sensor.scale)
                 level = (level * sensor.scale + sensor.bias - bias) / scale
             state[self.positions[name]] = level
-        for effect in self.effects:
-            if not effect.states:
-                continue
+        for effect in self._effects:
             present = effect.parameters and value(effect.parameters[0].name) != effect.parameters[0].neutral
             for own in effect.states:
                 if not present:

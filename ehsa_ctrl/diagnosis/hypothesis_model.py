@@ -29,7 +29,7 @@ from .own_offsets import shared_name, values_in_log
 #: Friction laws that are special cases of (8), with some parameters zero.
 STRIBECK_SPECIAL_CASES = ("none", "viscous", "coulomb", "stribeck")
 #: Drives that a model keeps for the next settings: more than a Jacobian has with a ripple.
-DRIVES = 32
+KEPT_DRIVES = 32
 #: Parameters of a hypothesis by name: of the plant, SETTING.CHANNEL of a sensor, or the number of a law switch. Those
 #: not named have their nominal values.
 Setting = Mapping[str, float]
@@ -198,7 +198,7 @@ class HypothesisModel:
         )
         if (law, names) not in self._acting_models:
             plant = full.with_structure(replace(full.structure, effects=names))
-            return self._acting_models.setdefault((law, names), ActingModel.of(plant, switch))
+            return self._acting_models.setdefault((law, names), ActingModel(plant, switch))
         return self._acting_models[law, names]
 
     @cached_property
@@ -271,24 +271,27 @@ class HypothesisModel:
 
         The same array for the same drive: settings with one drive are simulated together.
         """
-        late = tuple(
-            values.get(f"{setting}.{self.plant.structure.system.drive}", 0.0) for setting in ("delay", "filter")
-        )
+        system = self.plant.structure.system
+        late = any(values.get(f"{setting}.{system.drive}") for setting in ("delay", "filter"))
+        sensor = self.sensor(system.drive, values) if late else None
         added = []
         for effect in self._replay_effects:
             assert effect.replay is not None
             own = {name: values.get(name, self.plant[name]) for name in effect.replay.symbols}
             if own[effect.parameters[0].name] != effect.parameters[0].neutral:
                 added.append((effect, tuple(own.items())))
-        key = late, tuple(added)
+        key = sensor, tuple(added)
         known = self._drives.get(key)
         if known is not None:
             return known
-        drive = self._late_drive(values) if any(late) else self._nominal_drive
+        drive = self._nominal_drive
+        if sensor is not None:
+            held = system.hold == "zero_order"
+            drive = invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=held)
         for effect, items in added:
             assert effect.replay is not None
             drive = drive + effect.replay.drive(dict(items), self.log)
-        if len(self._drives) >= DRIVES:
+        if len(self._drives) >= KEPT_DRIVES:
             self._drives.clear()
         return self._drives.setdefault(key, drive)
 
@@ -296,12 +299,6 @@ class HypothesisModel:
     def _drives(self) -> dict[object, np.ndarray]:
         """The last drives (N,) by what they depend on."""
         return {}
-
-    def _late_drive(self, values: Setting) -> np.ndarray:
-        """The drive (N,) that acted on the rig if its sensor has the delay and filter of a setting."""
-        system = self.plant.structure.system
-        sensor = self.sensor(system.drive, values)
-        return invert_sensor(sensor, self.log[system.drive], self.log.sample_time, held=system.hold == "zero_order")
 
     def _readings(
         self, acting: ActingModel, states: np.ndarray, force: np.ndarray, values: Setting

@@ -103,12 +103,26 @@ def test_a_start_in_motion_is_as_the_nominal_sensors_give_it(rig):
     model = HypothesisModel(plant, log, {"P_1": 2e6, "P_2": 1.9e6, "omega": 10.0})
 
     def level(**values):
-        acting = ActingModel.of(plant, None)
+        acting = ActingModel(plant, None)
         return acting.start(values, model.start, plant.sensors, 0.0, ())[acting.positions["P_1"]]
 
     assert level() == pytest.approx(2e6, rel=1e-12)
     assert level(**{"bias.p1": 4e4}) == pytest.approx((1.2 * 2e6 + 3e4 - 4e4) / 1.2, rel=1e-12)
     assert level(**{"scale.p1": 1.0}) == pytest.approx(1.2 * 2e6, rel=1e-12)
+
+
+def test_a_late_drive_follows_every_number_of_its_sensor(rig):
+    """Settings with one delay and another bias are different runs; equal settings are one run."""
+    log = record(rig)
+    late = {"delay.current": 4e-3}
+    model = HypothesisModel(with_every_effect(rig), log)
+
+    first, biased, again = model.run([late, late | {"bias.current": 0.5}, dict(late)])
+    alone = HypothesisModel(with_every_effect(rig), log).run([late | {"bias.current": 0.5}])[0]
+
+    np.testing.assert_array_equal(first["speed"], again["speed"])
+    np.testing.assert_array_equal(biased["speed"], alone["speed"])
+    assert np.max(np.abs(biased["speed"] - first["speed"])) > 1.0
 
 
 def test_a_run_with_the_acting_effects_alone_is_that_with_all(rig):
