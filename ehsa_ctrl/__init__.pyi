@@ -247,7 +247,6 @@ def load_controller(
     system: _SystemLike | None = None,
     *,
     sample_time: float | None = None,
-    drive_unit: str = "",
     method: str = "tustin",
     label: str = "",
     problem: Callable[[MpcTerms], Any] | None = None,

@@ -218,11 +218,11 @@ def as_controller(value: Any, given: Given) -> Any:
 
     system: Any = given.get("system")
     plant: Any = given.get("plant") or getattr(given.get("diagnosis"), "plant", None)
-    period, unit = None, ""
+    period = None
     if _is(plant, "Plant"):
         from .plant.conditions import design_model
 
-        period, unit = plant.sample_time, plant.structure.system.drive_unit
+        period = plant.sample_time
         system = design_model(plant) if system is None else system
         if not isinstance(value, str | os.PathLike):
             from .scenario.plant_data import own_controller
@@ -230,7 +230,7 @@ def as_controller(value: Any, given: Given) -> Any:
             return own_controller(value, plant, system)
     _checked(system, _is(system, "StateSpace"))
     if isinstance(value, str | os.PathLike):
-        return load_controller(os.fspath(value), system, sample_time=period, drive_unit=unit)
+        return load_controller(os.fspath(value), system, sample_time=period)
     # Without a plant there is no rating; the analysis of a linear law does not depend on its limit.
     limit: dict[str, Any] = {} if isinstance(value, Mapping) else {"current_limit": NO_LIMIT}
     return load_controller(value, system, **limit)

@@ -112,7 +112,7 @@ def command(
         systems = drawn_models(loaded, drawn, at)
     loops, robust, reviews = [], [], []
     for name in names:
-        chosen = load_controller(name, system, sample_time=loaded.sample_time, drive_unit=unit)
+        chosen = load_controller(name, system, sample_time=loaded.sample_time)
         loops.append(analyse_loop(system, chosen, lag=lag, noise=known.noise))
         robust.append(robust_margins(systems, chosen, lag=lag) if systems else None)
         if review:

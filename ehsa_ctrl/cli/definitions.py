@@ -112,6 +112,12 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
     """
     path = controllers.find(base)
     kind, _ = read_controller(path)
+    unit = load_plant(plant, model=models_of(plant)[0]).structure.system.drive_unit if plant is not None else "A"
+    if unit != "A" and is_shipped("controllers", path):
+        raise InputError(
+            f"--plant {plant}: its drive is in {unit}, the shipped controllers are in A; write one by "
+            f"`ehsa-ctrl design {plant} --kind {kind.name} --current-limit '100 {unit}' -o {name}.toml`"
+        )
     given = _titled(path, name)
     example = _rescale(given, plant, shipped_base=is_shipped("controllers", path), keys=definition_keys(kind.file))
     head = _controller_head(kind, name, f"started from {path.stem}", plant)

@@ -151,12 +151,14 @@ def command(
     defaults: dict[str, str] = {}
     unscaled: list[str] = []
     foreign: list[str] = []
+    rescaling = rescaling_to(plant, pairs)
     # The numbers of a shipped controller are for the shipped EHSA; which plant a user's controller is for is unknown.
     if is_shipped("controllers", begun):
-        rescaling = rescaling_to(plant, pairs)
         if drive_unit != "A" and "current_limit" in asked:
             try:
-                rescaling = rescaling.to_drive(content["current_limit"], asked["current_limit"], drive_unit)
+                rescaling = rescaling.to_drive(
+                    content["current_limit"], asked["current_limit"], drive_unit, chosen.file
+                )
             except InputError as error:
                 raise InputError(f"--current-limit {asked['current_limit']!r}: {error}") from None
         foreign = [key for key in rescaling.foreign(content) if key not in asked]
@@ -171,10 +173,13 @@ def command(
     name = file.stem if file is not None else f"{kind}_designed"
     bounds = None
     if tune:
-        usual = rescaling_to(plant, pairs).scale("tuning.noise_gain", f"{Tuning().noise_gain:g} A/m")
+        usual = rescaling.scale("tuning.noise_gain", f"{Tuning().noise_gain:g} A/m")
+        if drive_unit != "A" and rescaling.drive is None and "noise_gain" not in figures:
+            raise InputError(f"--tune: give the bound on the drive's noise, such as --noise-gain '1e5 {drive_unit}/m'")
         names = ("Ms", "Mt", "disk_margin", "noise_gain")
         given = {"noise_gain": usual} | {word: figures[word] for word in names if word in figures}
-        bounds = validate({key: parse_value(text) for key, text in given.items()}, Tuning, "--tune")
+        values = {key: parse_value(text) for key, text in given.items()}
+        bounds = validate(values, Tuning, "--tune", context={"drive_unit": drive_unit})
     found = design(name, chosen, content, system, figures=figures, values=defaults | asked, tuning=bounds)
     check_controller_limits(name, read_content(found.content, name, loaded.sample_time, drive_unit)[1], loaded)
     words = [f"{word} {text}" for word, text in {**figures, **asked}.items()]
@@ -185,7 +190,7 @@ def command(
         scaled = ", ".join(f"{key} {value}" for key, value in own.items() if key not in asked)
         comments.append(f"Started from {begun.stem}, a controller of the shipped EHSA; for this plant: {scaled}.")
     if foreign:
-        comments.append(f"Without those limits of {begun.stem} that are the shipped EHSA's own: {', '.join(foreign)}.")
+        comments.append(f"Without those keys of {begun.stem} that are the shipped EHSA's own: {', '.join(foreign)}.")
     if unscaled:
         comments.append(f"As in {begun.stem}, because {plant} gives no scale for them: {', '.join(unscaled)}.")
     text = (_with_gains(found, drive_unit) if freeze else found).toml([*comments, "On its linear model:"])

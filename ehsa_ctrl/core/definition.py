@@ -39,19 +39,18 @@ def from_python(info: Any) -> bool:
 class In:
     """A quantity in an SI unit: `Annotated[float, In("m")]` reads "20 mm" as 0.02.
 
-    others: further SI units, for a quantity whose unit depends on the plant, such as that of the drive. read: function
-    of a text and the unit that returns the number in SI units.
+    read: function of a text and the unit that returns the number in SI units.
     """
 
-    def __init__(self, unit: str, *others: str, read: Callable[[str, str], float] = parse) -> None:
-        self.unit, self.others, self._read = unit, others, read
+    def __init__(self, unit: str, *, read: Callable[[str, str], float] = parse) -> None:
+        self.unit, self._read = unit, read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
         def convert(value: Any, info: Any) -> float:
             if isinstance(value, str):
-                number = self._number(value)
+                number = self._number(value, info)
             elif isinstance(value, bool) or not isinstance(value, int | float):
                 raise ValueError(f"{shown(value)} is not a quantity; write it as in '3 {self.unit}'")
             elif self.unit not in ("1", "fraction") and not from_python(info):
@@ -65,20 +64,43 @@ class In:
         # The bounds of a Field (gt, ge, lt, le) apply to the converted number.
         return core_schema.with_info_before_validator_function(convert, handler(source))
 
-    def _number(self, text: str) -> float:
-        """The text as a number in the first SI unit that fits."""
+    def _number(self, text: str, info: Any) -> float:
+        """The text as a number in the SI unit."""
         try:
             return self._read(text, self.unit)
         except InputError as error:
-            for other in self.others:
-                with suppress(InputError):
-                    return self._read(text, other)
             raise ValueError(str(error)) from None
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {"type": "string", "unit": self.unit}
 
 
+class InDrive(In):
+    """A quantity whose unit contains that of the plant's drive: `InDrive("A/m")` is in N/m where the drive is a force.
+
+    The entry `drive_unit` of the context, A, N or V, admits that unit alone; without it each of them is read.
+    """
+
+    def unit_with(self, drive_unit: str) -> str:
+        """The unit for a drive in `drive_unit`."""
+        return self.unit.replace("A", drive_unit)
+
+    def _number(self, text: str, info: Any) -> float:
+        given = (info.context or {}).get("drive_unit")
+        for drive_unit in DRIVE_UNITS:
+            with suppress(InputError):
+                number = self._read(text, self.unit_with(drive_unit))
+                if given and drive_unit != given:
+                    raise ValueError(
+                        f"{shown(text)} is for a drive in {drive_unit}, but the drive of this plant is in {given}; "
+                        f"write it in {self.unit_with(given)}, or take a controller for this plant"
+                    )
+                return number
+        return super()._number(text, info)
+
+
+#: SI units that the drive of a plant may have: a current, or a force or voltage of a system that has such a drive.
+DRIVE_UNITS = ("A", "N", "V")
 #: Tuples: TOML only has arrays, which strict validation would reject for a tuple.
 Array = Strict(False)
 #: A number that may be infinite, e.g. a limit that is never reached.
@@ -86,9 +108,8 @@ Unlimited = Annotated[float, AllowInfNan(True)]
 
 Metre = Annotated[float, In("m")]
 Second = Annotated[float, In("s")]
-Ampere = Annotated[float, In("A")]
-#: The drive of a plant: a current, or a force or voltage of a system that has such a drive.
-Drive = Annotated[float, In("A", "N", "V")]
+#: The drive of a plant.
+Drive = Annotated[float, InDrive("A")]
 Newton = Annotated[float, In("N")]
 Hertz = Annotated[float, In("Hz")]
 RadianPerSecond = Annotated[float, In("rad/s")]
@@ -107,6 +128,19 @@ def _whole(value: Any) -> Any:
 Schema = Annotated[Literal[1], BeforeValidator(_whole)]
 
 D = TypeVar("D", bound=Definition)
+
+
+def drive_quantities(form: type[BaseModel], prefix: str = "") -> dict[str, InDrive]:
+    """Dotted key -> quantity of the keys of a form, and of its tables, whose unit contains that of the drive."""
+    found: dict[str, InDrive] = {}
+    for name, field in form.model_fields.items():
+        parts = [field.annotation, *typing.get_args(field.annotation)]
+        for part in parts:
+            if isinstance(part, type) and issubclass(part, BaseModel):
+                found |= drive_quantities(part, f"{prefix}{name}.")
+        marks = [*field.metadata, *(mark for part in parts for mark in getattr(part, "__metadata__", ()))]
+        found |= {f"{prefix}{name}": mark for mark in marks if isinstance(mark, InDrive)}
+    return found
 
 
 def read_definition(path: Path, kind: type[D]) -> D:

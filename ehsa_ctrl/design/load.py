@@ -15,7 +15,6 @@ from ..core.definition import merged, validate
 from ..core.errors import InputError, choices, shown
 from ..core.files import read_toml
 from ..core.pressure_difference import has_both_pressures, level_matters, reduce_to_difference
-from ..core.unit import parse
 from .analysis.sampled import drive_unit_of
 from .controller import SampledController
 from .from_object import law_of, name_of
@@ -27,12 +26,6 @@ if TYPE_CHECKING:
 
 #: Keys of a definition that become fields of the controller, if its kind has them.
 SHARED = ("sample_time", "current_limit", "trajectory", "feedforward", "rest", "dither", "watchdog")
-
-#: Keys in the unit of the plant's drive -> what follows the unit.
-DRIVE_KEYS = {
-    **dict.fromkeys(("current_limit", "weights.current", "observer.current", "observer.friction"), ""),
-    **dict.fromkeys(("weights.current_rate", "limits.current_rate"), "/s"),
-}
 
 
 def _shared(file: ControllerFile) -> dict[str, Any]:
@@ -64,20 +57,7 @@ def read_content(
     if not isinstance(word, str) or word not in CONTROLLER_KINDS:
         raise InputError(f"{where}: kind = {shown(word)}; {choices(word, CONTROLLER_KINDS)}")
     kind = CONTROLLER_KINDS[word]
-    definition = validate(content, kind.file, where, context={"si": si})
-    for key, per in DRIVE_KEYS.items() if drive_unit else ():
-        table, _, name = key.rpartition(".")
-        text = (content.get(table, {}) if table else content).get(name)
-        if not isinstance(text, str):
-            continue
-        try:
-            parse(text, f"{drive_unit}{per}")
-        except InputError:
-            raise InputError(
-                f"{where}: {key} = {shown(text)}, but the drive of this plant is in {drive_unit}; the controller is "
-                "one for another system"
-            ) from None
-    return kind, definition
+    return kind, validate(content, kind.file, where, context={"si": si, "drive_unit": drive_unit})
 
 
 def load_controller(
@@ -85,7 +65,6 @@ def load_controller(
     system: control.StateSpace | None = None,
     *,
     sample_time: float | None = None,
-    drive_unit: str = "",
     method: str = "tustin",
     label: str = "",
     problem: Callable[[Any], Any] | None = None,
@@ -106,7 +85,6 @@ def load_controller(
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`; a definition is
         designed on it, a law of your own does not need it.
     sample_time: s, the plant's, for a definition without one and for a law of your own; 4 ms by default.
-    drive_unit: SI unit of the plant's drive, to reject a controller of another system; unchecked by default.
     method: "tustin", "zoh", "foh", "euler" or "backward".
     label: the controller's name in tables; by default that of the file, of the system or of the function.
     problem: for an MPC: a function that returns a cost, or (cost, constraints), in cvxpy, in place of [weights] and the
@@ -137,7 +115,7 @@ def load_controller(
     if system is None:
         raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
     si = bool(keys) or isinstance(name, Mapping)
-    controller = controller_of(content, where, label, system, sample_time, drive_unit, si=si)
+    controller = controller_of(content, where, label, system, sample_time, si=si)
     return controller if problem is None else replace(controller, law=with_own_problem(controller.law, problem))
 
 
@@ -147,7 +125,6 @@ def controller_of(
     name: str,
     system: control.StateSpace,
     sample_time: float | None = None,
-    drive_unit: str = "",
     *,
     si: bool = False,
 ) -> SampledController:
@@ -157,7 +134,7 @@ def controller_of(
 
     Raises InputError as `load_controller` does.
     """
-    kind, definition = read_content(content, where, sample_time, drive_unit, si=si)
+    kind, definition = read_content(content, where, sample_time, drive_unit_of(system), si=si)
     try:
         return build_controller(name, kind, definition, system)
     except InputError as error:

@@ -15,7 +15,7 @@ import numpy as np
 from ..core.controller_interface import MEASURED
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius, unit_step
 from .analysis.loop import LoopAnalysis
-from .analysis.sampled import drive_of, hidden_modes, readings, scaled_matrices, state_scales
+from .analysis.sampled import DRIVES, drive_of, hidden_modes, readings, scaled_matrices, state_scales
 
 if TYPE_CHECKING:
     import control
@@ -279,10 +279,11 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
     torque = case.a("omega", "dP") / case.b("omega", "current")
     spring = abs(load * torque) if isfinite(load * torque) else 0.0
     needed = static + spring
-    words = f"{static:.3g} A" + (f" + {spring:.3g} A for the spring" if spring else "")
+    unit = DRIVES[case.loop.drive]
+    words = f"{static:.3g} {unit}" + (f" + {spring:.3g} {unit} for the spring" if spring else "")
     yield ReviewFinding(
         "breakaway",
-        f"{words}, current limit {case.current_limit:.3g} A",
+        f"{words}, {'current ' if unit == 'A' else ''}limit {case.current_limit:.3g} {unit}",
         "fault" if case.current_limit <= NO_MOTION * needed else _verdict(case.current_limit < LITTLE_MOTION * needed),
         "raise current_limit or reduce the stroke",
     )
@@ -324,7 +325,7 @@ def noise(case: ReviewContext) -> Iterator[ReviewFinding]:
     share = case.loop.current_noise / case.current_limit if isfinite(case.current_limit) else 0.0
     yield ReviewFinding(
         "noise in the current",
-        f"{1e3 * case.loop.current_noise:.3g} mA rms" + (f", {100 * share:.2g} % of the limit" if share else ""),
+        f"{case.loop.drive_noise} rms" + (f", {100 * share:.2g} % of the limit" if share else ""),
         _verdict(share > MAX_NOISE_SHARE),
         "filter the derivative more strongly, or give the observer less process noise",
     )

@@ -6,6 +6,7 @@ import copy
 import difflib
 import textwrap
 import tomllib
+import typing
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from math import exp, log
@@ -22,6 +23,7 @@ from ..core.files import read_toml
 from ..core.unit import parse, parse_angular_frequency
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius
 from .analysis.loop import LoopAnalysis, analyse_loop
+from .analysis.sampled import drive_unit_of
 from .controller import SampledController
 from .kinds import CONTROLLER_KINDS, ControllerFile, ControllerKind
 from .load import build_controller
@@ -97,7 +99,8 @@ def definition_keys(form: type[BaseModel], prefix: str = "") -> list[str]:
 def full_key(key: str, form: type[BaseModel]) -> str:
     """The dotted key for a key without its table. Raises InputError for an unknown or ambiguous key."""
     known = definition_keys(form)
-    if key in known:
+    table = form.model_fields.get(key.partition(".")[0])
+    if key in known or ("." in key and table is not None and typing.get_origin(table.annotation) is dict):
         return key
     matches = [name for name in known if "." not in key and name.endswith(f".{key}")]
     if len(matches) > 1:
@@ -146,10 +149,14 @@ def without_keys(content: Mapping[str, Any], keys: Collection[str]) -> dict[str,
     """A copy of the definition's content without some dotted keys, and without tables that are then empty."""
     found = copy.deepcopy(dict(content))
     for key in keys:
-        table, _, name = key.partition(".")
-        del found[table][name]
-        if not found[table]:
-            del found[table]
+        *tables, name = key.split(".")
+        holders = [found]
+        for table in tables:
+            holders.append(holders[-1][table])
+        del holders[-1][name]
+        for table, holder, inner in zip(reversed(tables), reversed(holders[:-1]), reversed(holders[1:]), strict=True):
+            if not inner:
+                del holder[table]
     return found
 
 
@@ -241,7 +248,9 @@ def design(
     """
     keys, checked = split_figures(kind, figures or {}, tuned=tuning is not None)
     required = {
-        word: parse_angular_frequency(text) if word == "bandwidth" else parse(text, FIGURES[word][0])
+        word: parse_angular_frequency(text)
+        if word == "bandwidth"
+        else parse(text, FIGURES[word][0].replace("A", drive_unit_of(system)))
         for word, text in checked.items()
     }
     specified = with_values(dict(content), kind, {**keys, **(values or {})})
@@ -253,7 +262,7 @@ def design(
     result = _build(name, kind, specified, system)
     for word, value in required.items():
         got = bandwidth_of(system, result.controller) if word == "bandwidth" else result.loop.figure(word)
-        unit, which = FIGURES[word]
+        unit, which = FIGURES[word][0].replace("A", drive_unit_of(system)), FIGURES[word][1]
         # 0.1 % of tolerance: tuner and bisection stop near a bound, not on it.
         if got < value * (1 - 1e-3) if which == "least" else got > value * (1 + 1e-3):
             raise InputError(
@@ -281,10 +290,13 @@ def bandwidth_of(system: control.StateSpace, controller: SampledController) -> f
 
 
 def _build(name: str, kind: ControllerKind, content: dict[str, Any], system: control.StateSpace) -> ControllerDesign:
-    definition = validate(content, kind.file, name)
-    assert isinstance(definition, ControllerFile)
-    controller = build_controller(name, kind, definition, system)
+    controller = build_controller(name, kind, _read(name, kind, content, system), system)
     return ControllerDesign(content, controller, analyse_loop(system, controller))
+
+
+def _read(name: str, kind: ControllerKind, content: dict[str, Any], system: control.StateSpace) -> ControllerFile:
+    """The definition, in the unit of the drive of `system`."""
+    return validate(content, kind.file, name, context={"drive_unit": drive_unit_of(system)})
 
 
 def _with_tuned_keys(
@@ -309,11 +321,10 @@ def _with_tuned_keys(
         return with_values(content, kind, texts)
 
     def build(values: Mapping[str, float]) -> SampledController:
-        definition = validate(changed(values), kind.file, name)
-        return build_controller(name, kind, definition, system)
+        return build_controller(name, kind, _read(name, kind, changed(values), system), system)
 
     units = [(key, unit) for key, (unit, _, _) in free.items()]
-    period = validate(content, kind.file, name).sample_time
+    period = _read(name, kind, content, system).sample_time
     limits = {key: (low, high) for key, (_, low, high) in free.items()}
     return changed(tune_keys(build, limits, system, tuning, sample_time=period, budget=budget).values)
 
@@ -325,8 +336,7 @@ def _with_bandwidth(
 
     def attempt(position: float) -> tuple[dict[str, Any], float]:
         other = with_values(content, kind, {"weights.position": f'"{position:.4g} m"'})
-        definition = validate(other, kind.file, name)
-        return other, bandwidth_of(system, build_controller(name, kind, definition, system))
+        return other, bandwidth_of(system, build_controller(name, kind, _read(name, kind, other, system), system))
 
     strict, loose = (log(value) for value in WEIGHTS)
     best, reached = attempt(WEIGHTS[0])

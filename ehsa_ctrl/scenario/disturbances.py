@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ..core.controller_interface import MEASURED
-from ..core.definition import Ampere, Definition, In, Metre, Newton, RadianPerSecond, Second
+from ..core.definition import Definition, Drive, In, Metre, Newton, RadianPerSecond, Second
 from ..core.errors import InputError
 from ..core.unit import parse
 from ..design.stages.supervision import Supervision
@@ -104,12 +104,12 @@ class CurrentLimit(_Event):
     """A drive fault that limits the current below the controller's own limit."""
 
     kind: Literal["current_limit"] = Field(description="type of fault")
-    current: Ampere = Field(description="largest current, in either direction")
+    current: Drive = Field(description="largest current, or other drive, in either direction")
 
     @model_validator(mode="after")
     def _check_current(self) -> CurrentLimit:
         if self.current < 0:
-            raise ValueError("current must be at least 0 A")
+            raise ValueError("current must be at least 0")
         return self
 
 

@@ -35,9 +35,7 @@ def log_controller(plant: Plant, controller: str | Path | None = None) -> Sample
     if controller is None and table is not None and "file" not in table:
         content = {"schema": 1, "title": f"controller of the logs of {plant.name}", **table}
         name = f"{plant.name} [log.controller]"
-        return controller_of(
-            content, f"{plant.path}: [log.controller]", name, design_model(plant), plant.sample_time, system.drive_unit
-        )
+        return controller_of(content, f"{plant.path}: [log.controller]", name, design_model(plant), plant.sample_time)
     if controller is not None:
         path = controllers.find(controller)
     elif table is not None and set(table) == {"file"} and isinstance(table["file"], str):
@@ -48,4 +46,4 @@ def log_controller(plant: Plant, controller: str | Path | None = None) -> Sample
             "file = NAME alone, or the keys of a controller's file"
         )
     content = read_toml(path)
-    return controller_of(content, str(path), path.stem, design_model(plant), plant.sample_time, system.drive_unit)
+    return controller_of(content, str(path), path.stem, design_model(plant), plant.sample_time)

@@ -14,7 +14,7 @@ from ..design.controller import SampledController
 from ..design.kinds import ControllerFile
 from ..design.load import build_controller, load_controller, read_content
 from ..design.review import Known
-from ..plant.motion_current import has_motion_current, motion_current
+from ..plant.motion_current import has_motion_current, is_carriage, motion_current
 from ..plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -95,7 +95,9 @@ def own_controller(given: Any, plant: Plant, model: control.StateSpace) -> Sampl
     """
     if isinstance(given, Mapping):
         content = merged({"schema": 1, "title": "own", **given}, {})
-        kind, definition = read_content(content, "controller own", plant.sample_time, si=True)
+        kind, definition = read_content(
+            content, "controller own", plant.sample_time, plant.structure.system.drive_unit, si=True
+        )
         check_controller_limits("controller own", definition, plant)
         return build_controller("own", kind, definition, model)
     rated = ratings(plant).get("current")
@@ -109,7 +111,7 @@ def known_of(plant: Plant) -> Known:
     Callers add the smallest slip and the solver time with `dataclasses.replace`.
     """
     noise = {channel: plant.sensors[channel].sd for channel in MEASURED if channel in plant.sensors}
-    if plant.model != "nonlinear" or not has_motion_current(plant):
+    if plant.model != "nonlinear" or not (has_motion_current(plant) or is_carriage(plant)):
         return Known(noise=noise)
     needed, stroke = motion_current(plant), plant.limits.get("stroke")
     return Known(

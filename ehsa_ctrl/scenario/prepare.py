@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,6 +15,7 @@ from ..core.controller_interface import MEASURED, Controller
 from ..core.errors import InputError
 from ..core.files import read_toml
 from ..core.registry import add_project
+from ..core.unit import parse
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
 from ..physics.effects import read_law
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 
 #: Largest number of samples of a scenario, 67 min at 250 Hz; a longer one probably has a wrong time unit.
 MAX_SAMPLES = 1_000_000
+#: Unit of a drive -> shipped plant with such a drive.
+PLANT_WITH_DRIVE = {"A": "ehsa", "N": "emps"}
 
 
 class Evaluation(NamedTuple):
@@ -228,14 +232,23 @@ def _check_length(scenario: Scenario, controller: Controller) -> None:
         )
 
 
+def _plant_with_drive(limit: Any) -> str:
+    """Name of the shipped plant whose drive has the unit of a controller's current_limit; the EHSA for any other."""
+    for unit, name in PLANT_WITH_DRIVE.items():
+        with suppress(InputError):
+            parse(str(limit), unit)
+            return name
+    return "ehsa"
+
+
 def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
     """Validate a definition file and return its kind: "plant", "controller", "scenario" or "effect".
 
     Parameters
     ----------
     plant: for a controller, the plant on whose linear model it is designed and whose ratings it must respect; by
-        default the model of the shipped EHSA, without its ratings. For an effect, the plant that it must fit; by
-        default none.
+        default the model of the shipped plant with its drive, without its ratings. For an effect, the plant that it
+        must fit; by default none.
 
     Raises InputError with file and key for the first error: schema, unit, value, unknown name, failed design.
     """
@@ -246,7 +259,7 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
                 log_controller(load_plant(path, model=model))
         return "plant"
     if "kind" in content:
-        loaded = load_plant(plant or "ehsa", model="linear")
+        loaded = load_plant(plant or _plant_with_drive(content.get("current_limit")), model="linear")
         if plant is not None:
             check_controller_limits(path, read_controller(path, loaded.sample_time)[1], loaded)
         load_controller(path, linear_model(loaded), sample_time=loaded.sample_time)

@@ -13,12 +13,15 @@ from math import floor, inf, log10, sqrt
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from ..core.catalogue import shipped
+from ..core.definition import InDrive, drive_quantities
 from ..core.unit import factor, parse
-from ..design.load import DRIVE_KEYS
 from ..design.state_space.kalman import Observer
+from ..design.tuning.constraints import Tuning
 from ..plant.load import has_setting, load_plant, models_of, with_settings
-from ..plant.motion_current import has_motion_current, motion_current
+from ..plant.motion_current import has_motion_current, is_carriage, motion_current
 from ..plant.plant import Plant
 from .plant_data import BOUNDED, Rating, ratings
 
@@ -65,6 +68,8 @@ VALUE_OF = {key: name for name, keys in SCALES_WITH.items() for key in keys}
 CONTINUOUS_RATIO = 0.187
 #: Admissible horizon of an MPC, as in `design.kinds.mpc`.
 MIN_HORIZON, MAX_HORIZON = 2, 500
+#: Keys of what the shipped EHSA has and a carriage has not, besides [limits]: a shaft, a load cell.
+EHSA_ALONE = ("position.speed_limit", "feedforward.load")
 #: Default values of optional keys that are specific to the shipped EHSA.
 DEFAULTS: dict[str, Any] = {
     "observer.speed": f"{Observer().speed:g} rad/s",
@@ -79,31 +84,36 @@ class Rescaling:
     """Rescaling from the shipped EHSA to another plant.
 
     ratios: characteristic value -> ratio of the plant's to the EHSA's, if the plant's file determines it.
-    ratings: of the plant, see `plant_data.ratings`. drive: SI unit of the plant's drive, and how much of it
-    stands for an ampere of the EHSA's; for a plant with another drive than a current.
+    ratings: of the plant, see `plant_data.ratings`. drive: SI unit of the plant's drive, how much of it stands for an
+    ampere of the EHSA's, and the keys with units of the drive; for a plant with another drive than a current.
     """
 
     ratios: Mapping[str, float]
     ratings: Mapping[str, Rating]
-    drive: tuple[str, float] | None = None
+    drive: tuple[str, float, Mapping[str, InDrive]] | None = None
 
-    def to_drive(self, current: str, limit: str, unit: str) -> Rescaling:
+    def to_drive(self, current: str, limit: str, unit: str, form: type[BaseModel]) -> Rescaling:
         """The same for a plant whose drive has another unit: what is a current keeps its ratio to the largest drive.
 
-        current: limit of the shipped controller. limit: largest drive of the plant. Raises InputError for another unit.
+        current: limit of the shipped controller. limit: largest drive of the plant. form: of the controller's file.
+        Raises InputError for another unit.
         """
-        return replace(self, drive=(unit, parse(limit, unit) / parse(current, "A")))
+        keys = {f"tuning.{key}": quantity for key, quantity in drive_quantities(Tuning).items()}
+        per_ampere = parse(limit, unit) / parse(current, "A")
+        return replace(self, drive=(unit, per_ampere, keys | drive_quantities(form)))
 
     def scale(self, key: str, value: Any) -> Any:
         """The value of a key for the plant; the same object if it does not change."""
         if isinstance(value, list):
             return [self.scale(key, item) for item in value]
-        ratio = self.ratios.get(VALUE_OF.get(key, ""), 1.0)
+        of = VALUE_OF.get(_own_key(key), "")
+        ratio = self.ratios.get(of, 1.0)
         if isinstance(value, str):
             number, _, unit = value.partition(" ")
-            if self.drive is not None and key in DRIVE_KEYS:
-                per = DRIVE_KEYS[key]
-                return f"{_round(parse(value, f'A{per}') * self.drive[1])} {self.drive[0]}{per}"
+            if self.drive is not None and key in self.drive[2]:
+                quantity = self.drive[2][key]
+                by = ratio if of in self.ratios else self.drive[1]
+                return f"{_round(parse(value, quantity.unit) * by)} {quantity.unit_with(self.drive[0])}"
             most = self.ratings.get(BOUNDED.get(key, ""))
             if most is not None and parse(value, most.unit) * ratio > most.value:
                 return f"{_round(most.value / factor(unit, most.unit), down=True)} {unit}"
@@ -117,19 +127,21 @@ class Rescaling:
     def changes(self, content: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
         """Dotted key -> new value of the numbers that change; `known`: keys of the file's schema."""
         original = {key: value for key, value in DEFAULTS.items() if key in known} | dict(_leaves(content))
-        scaled = {key: self.scale(key, value) for key, value in original.items() if key in VALUE_OF}
+        scaled = {key: self.scale(key, value) for key, value in original.items() if _own_key(key) in VALUE_OF}
         return {key: value for key, value in scaled.items() if value != original[key]}
 
     def foreign(self, content: Mapping[str, Any]) -> list[str]:
-        """Keys of limits that hold for the shipped EHSA alone: those of its shaft, pressures and stroke."""
-        unknown = self.unknown(content) if self.drive is not None else []
-        return [key for key in unknown if key.startswith("limits.") or key == "position.speed_limit"]
+        """Keys that hold for the shipped EHSA alone: of its load cell, and limits of shaft, pressures and stroke."""
+        if self.drive is None:
+            return []
+        unknown = [key for key in self.unknown(content) if _own_key(key).startswith("limits.")]
+        return unknown + [key for key, _ in _leaves(content) if _own_key(key) in EHSA_ALONE]
 
     def unknown(self, content: Mapping[str, Any]) -> list[str]:
         """Keys that keep their value because the plant's file does not determine the characteristic value."""
-        known = set(DRIVE_KEYS) if self.drive is not None else set()
-        keys = [key for key, _ in _leaves(content) if key in VALUE_OF and key not in known]
-        return [key for key in keys if VALUE_OF[key] not in self.ratios]
+        known = self.drive[2] if self.drive is not None else {}
+        keys = [key for key, _ in _leaves(content) if _own_key(key) in VALUE_OF and key not in known]
+        return [key for key in keys if VALUE_OF[_own_key(key)] not in self.ratios]
 
 
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:
@@ -138,7 +150,11 @@ def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None =
     if not has_motion_current(target[0]):
         # Another machine shares the sample time with the EHSA and nothing else.
         rate = ehsa[0].sample_time / target[0].sample_time
-        return Rescaling({"period": 1.0 / rate, "rate": rate, "bandwidth": min(1.0, rate), "samples": rate}, {})
+        ratios = {"period": 1.0 / rate, "rate": rate, "bandwidth": min(1.0, rate), "samples": rate}
+        if is_carriage(target[1]):
+            new, old = motion_current(target[1]), motion_current(ehsa[1])
+            ratios |= {name: new[name] / old[name] for name in new if old[name]}
+        return Rescaling(ratios, {})
     new, old = characteristic_values(*target), characteristic_values(*ehsa)
     ratios = {name: new[name] / old[name] for name in new if old.get(name)}
     # The sample rate and the hydraulic mode limit the bandwidth.
@@ -186,6 +202,11 @@ def _models(plant: str | Path, settings: Mapping[str, str | float]) -> tuple[Pla
         return linear, linear
     full = load_plant(plant)
     return linear, with_settings(full, {key: value for key, value in settings.items() if has_setting(full, key)})
+
+
+def _own_key(key: str) -> str:
+    """The key within a controller; that of a base has its table before it."""
+    return key.removeprefix("base.")
 
 
 def _leaves(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

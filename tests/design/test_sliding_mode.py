@@ -112,7 +112,7 @@ def test_the_review_names_layer_and_disturbance(model):
     [
         ({"bandwidth": "300 rad/s", "layer_ratio": 4.0}, "expected less than 785.4 rad/s, the Nyquist frequency"),
         ({"bandwidth": "90 rad/s", "layer_ratio": 5.0}, "the loop is unstable .* lower .sliding_mode. bandwidth"),
-        ({"disturbance": "5 A"}, r"k = beta \(F \+ eta\) = 6.24 A is beyond current_limit = 6 A"),
+        ({"disturbance": "5 A"}, r"k = beta \(F \+ eta\) = 8 A is beyond current_limit = 6 A"),
         ({"disturbance": "0 A"}, "disturbance = .*greater than 0"),
         ({"gain_margin": 0.8}, "gain_margin = 0.8; expected a value greater than or equal to 1"),
     ],
@@ -122,6 +122,7 @@ def test_a_wrong_specification_is_one_sentence(model, given, sentence):
         controller(model, **given)
 
 
-def test_a_model_without_the_shaft_is_refused(model):
-    with pytest.raises(InputError, match="no output omega; a sliding mode needs"):
-        controller(model[model.output_labels.index("x"), :])
+def test_a_model_without_the_shaft_gets_the_rods_speed_from_its_position(model):
+    law = controller(model[model.output_labels.index("x"), :]).law
+
+    assert law.reads == ("position",) and law.n == 1.0 and law.T_f == pytest.approx(1.0 / (10.0 * 30.0))

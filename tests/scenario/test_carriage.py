@@ -26,6 +26,22 @@ CASCADE = {
     "speed": {"crossover": 130.0, "phase_margin": 1.13},
     "position": {"crossover": 30.0, "phase_margin": 1.05, "velocity_limit": 0.5},
 }  # fmt: skip
+SLIDING = {
+    "kind": "sliding_mode", "sample_time": 1e-3, "current_limit": 150.0,
+    "sliding_mode": {"bandwidth": 30.0, "disturbance": 30.0},
+}  # fmt: skip
+CYCLE = {"period": 3.0, "cutoff": 10.0}
+REPETITIVE = {
+    "kind": "repetitive", "sample_time": 1e-3, "current_limit": 150.0, "cycle": CYCLE,
+    "base": {key: CASCADE[key] for key in ("kind", "speed", "position")},
+}  # fmt: skip
+#: A second load of 20 kg from 100 mm on.
+SCHEDULE = {"variable": "position", "points": [{"at": "0 mm"}, {"at": "200 mm", "mass": 20.0}]}
+SCHEDULED = [
+    {**PID, "kind": "scheduled_pid", "schedule": SCHEDULE},
+    {**LQR, "kind": "scheduled_lqr", "schedule": SCHEDULE},
+    {**MPC, "kind": "scheduled_mpc", "schedule": SCHEDULE},
+]
 SCENARIO = {
     "title": "A move of the carriage",
     "why": "Its controller is designed on its own linear model.",
@@ -46,7 +62,9 @@ def test_the_linear_model_is_a_mass_with_viscous_friction():
     assert model.B[0, 0] == pytest.approx(1.0 / M)
 
 
-@pytest.mark.parametrize("controller", [PID, LQR, MPC, ADRC, CASCADE], ids=lambda one: one["kind"])
+@pytest.mark.parametrize(
+    "controller", [PID, LQR, MPC, ADRC, CASCADE, SLIDING, REPETITIVE, *SCHEDULED], ids=lambda one: one["kind"]
+)
 def test_without_dry_friction_the_nonlinear_carriage_does_as_predicted(controller):
     """And with it, the loop needs more force and loses some accuracy."""
     free = ehsa_ctrl.run(SCENARIO, controller=controller, settings={"Fc": 0.0})
@@ -95,7 +113,7 @@ def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
     found = tomllib.loads((tmp_path / "found.toml").read_text())
     assert found["weights"]["current"] == "25 N"
     assert found["observer"]["current"] == "2.5 N" and found["observer"]["friction"] == "12.5 N"
-    assert "weights.current = '1 A', but the drive of this plant is in N" in str(mixed.exception)
+    assert "[weights] current: '1 A' is for a drive in A, but the drive of this plant is in N" in str(mixed.exception)
     assert lax.exit_code == 0 and tomllib.loads((tmp_path / "lax.toml").read_text())["weights"]["current"] == "50 N"
 
 
@@ -106,13 +124,16 @@ def test_a_shipped_lqr_for_a_drive_in_newtons(tmp_path, monkeypatch):
         ("mpc", r"\|F_M\| <= 150 N, \|F_M rate\| <= 15000 N/s; without them .*\|F_M\| <= 150 N,"),
         ("cascade", r"k_w = \S+ N s/m, k_iw = \S+ N/m, T_f = .*\|F_M\| <= 150 N,"),
         ("adrc", r"on the position, b_0 = \S+ m/\(s2 N\), \|F_M\| <= 150 N,"),
+        ("sliding_mode", r"k = \S+ N at rest, b_0 = \S+ m/\(s2 N\), .*\|F_M\| <= 150 N,"),
+        ("repetitive", r"around position over the rod's speed, .*k_w = \S+ N s/m, .*\|F_M\| <= 150 N,"),
     ],
 )
 def test_a_design_for_a_drive_in_newtons_speaks_in_newtons(kind, words, tmp_path, monkeypatch):
     """And no limit of the shipped actuator's shaft, pressures or stroke holds for a carriage."""
     monkeypatch.chdir(tmp_path)
     line = ["design", "emps", "--kind", kind, "--current-limit", "150 N", "-o", "found.toml"]
-    line += ["--spec", "position.velocity_limit=0.5 m/s"] if kind == "cascade" else []
+    cascade = {"cascade": "position", "repetitive": "base.position"}.get(kind)
+    line += ["--spec", f"{cascade}.velocity_limit=0.5 m/s"] if cascade else []
 
     shown = CliRunner().invoke(app, line, catch_exceptions=False).output
 
@@ -171,6 +192,149 @@ def test_the_rod_speed_of_a_cascade_is_the_filtered_difference_of_its_position()
     np.testing.assert_array_equal(plain.asked, fast.asked)
 
 
+def test_the_rod_speed_of_a_sliding_mode_is_the_filtered_difference_of_its_position():
+    """Its drive is that of the law with a shaft whose speed is the position filtered by scipy; compiled to the bit."""
+    from scipy.signal import lfilter
+
+    from ehsa_ctrl.design.kinds.sliding_mode import sliding_mode_law
+
+    plant = ehsa_ctrl.load_plant("emps")
+    controller = ehsa_ctrl.load_controller(SLIDING, linear_model(ehsa_ctrl.load_plant("emps", model="linear")))
+    law, T_s = controller.law, 1e-3
+    x = np.cumsum(np.random.default_rng(3).normal(0.0, 1e-5, 300))
+    v = lfilter(
+        [1.0 / (law.T_f + T_s), -1.0 / (law.T_f + T_s)], [1.0, -law.T_f / (law.T_f + T_s)], np.r_[0.0, x - x[0]]
+    )
+    target = np.where(np.arange(300) < 50, 0.1, 1e-3)
+    memory, expected = law.initial_memory(), np.zeros(4)
+    drives = np.zeros((2, 300))
+    for k in range(300):
+        reference = np.array([target[k], 1e-3, 0.0, 0.0])
+        seen = [np.array([speed, 0.0, 0.0, x[k], 0.0]) for speed in (7.0, v[1 + k])]
+        drives[0, k] = law.function(reference, seen[0], memory, law.settings(), 1.0, 0.0)
+        drives[1, k] = sliding_mode_law(reference, seen[1], expected, law.settings()[1:], 1.0, 0.0)
+
+    assert law.n == 1.0 and 0 < np.count_nonzero(np.abs(drives[0]) == 150.0) < 300
+    np.testing.assert_allclose(drives[0], drives[1], rtol=1e-9)
+
+    path = np.zeros((300, 3))
+    path[5:, 0] = 0.1
+    plain, fast = (ehsa_ctrl.run_closed_loop(plant, controller, path, compiled=way) for way in (False, True))
+    np.testing.assert_array_equal(plain.asked, fast.asked)
+
+
+@pytest.mark.parametrize("base", [CASCADE, PID, ADRC, SLIDING], ids=lambda one: one["kind"])
+def test_a_repetitive_controller_learns_the_cycle_of_a_carriage(base):
+    """The error of the last of six cycles is less than a third of that of the first, friction included."""
+    inner = {key: item for key, item in base.items() if key not in ("sample_time", "current_limit")}
+    cycles = {
+        **SCENARIO,
+        "duration": 12.0,
+        "reference": {"kind": "sine", "amplitude": 0.1, "frequency": 0.5},
+        "limits": {},
+    }
+    law = {**REPETITIVE, "base": inner, "cycle": {"period": 2.0, "cutoff": 10.0, "limit": 0.02}}
+    error = ehsa_ctrl.run(cycles, controller=law).nonlinear["error"]
+    first, last = (float(np.sqrt(np.mean(error[part] ** 2))) for part in (slice(2000), slice(-2000, None)))
+
+    assert last < first / 3.0
+
+
+def test_the_force_of_a_motion_is_that_of_the_balance():
+    """A constant drive of preload + coulomb + viscous v ends at the speed v."""
+    plant = ehsa_ctrl.load_plant("emps")
+    needed, v = ehsa_ctrl.motion_current(plant), 0.05
+    force = needed["preload"] + needed["coulomb"] + needed["viscous"] * v
+    run = ehsa_ctrl.simulate(plant, np.full(8000, force))
+
+    assert needed["inertia"] == plant["M"] and needed["static"] == needed["coulomb"]
+    assert run["v"][-1] == pytest.approx(v, rel=1e-3)
+
+
+def test_friction_is_fed_forward_in_newtons(tmp_path, monkeypatch):
+    """`design` takes the coefficients from the carriage, and its error on the way falls to less than half."""
+    monkeypatch.chdir(tmp_path)
+    line = ["design", "emps", "--kind", "pid", "--base", "pid_friction", "--current-limit", "150 N", "-o", "found.toml"]
+    CliRunner().invoke(app, line, catch_exceptions=False)
+    found = tomllib.loads((tmp_path / "found.toml").read_text())
+    errors = [
+        ehsa_ctrl.run(SCENARIO, controller={**found, **change}).metrics["RMSError"][1]
+        for change in ({}, {"feedforward": {}})
+    ]
+
+    assert found["feedforward"]["inertia"] == "95.1 N s2/m" and found["feedforward"]["coulomb"] == "20.4 N"
+    assert "load" not in found["feedforward"]
+    assert errors[0] < 0.5 * errors[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"current_limit": "6 A"}, r"current_limit: '6 A' is for a drive in A, but the drive of this plant is in N"),
+        ({"feedforward": {"coulomb": "1 A"}}, r"\[feedforward\] coulomb: '1 A' is for a drive in A"),
+        ({"feedforward": {"inertia": "1 A s2/m"}}, r"write it in N s2/m"),
+        ({"dither": {"amplitude": "1 A", "frequency": 50.0}}, r"\[dither\] amplitude: '1 A' is for a drive in A"),
+        (
+            {"design": None, "gains": {"k_p": "390 A/m"}},
+            r"\[gains\] k_p: '390 A/m' is for a drive in A, .* write it in N/m",
+        ),
+    ],
+)
+def test_a_number_in_amperes_is_refused_for_a_drive_in_newtons(change, sentence):
+    law = {key: item for key, item in {**PID, **change}.items() if item is not None}
+
+    with pytest.raises(InputError, match=sentence):
+        ehsa_ctrl.run(SCENARIO, controller=law)
+    with pytest.raises(InputError, match=r"'150 N' is for a drive in N, but the drive of this plant is in A"):
+        ehsa_ctrl.load_controller({**PID, "current_limit": "150 N"}, ehsa_ctrl.three_state("ehsa"))
+
+
+def test_a_controller_in_newtons_is_checked_on_the_carriage(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    line = ["design", "emps", "--kind", "sliding_mode", "--current-limit", "150 N", "-o", "found.toml"]
+    CliRunner().invoke(app, line, catch_exceptions=False)
+
+    checked = CliRunner().invoke(app, ["check", "found.toml"])
+    reviewed = CliRunner().invoke(app, ["analyse", "emps", "--controller", "found.toml", "--review"])
+    template = CliRunner().invoke(app, ["new", "controller", "mine", "--kind", "pid", "--plant", "emps"])
+
+    assert checked.exit_code == 0 and reviewed.exit_code == 0
+    assert re.search(r"breakaway +20.4 N, limit 150 N", reviewed.output) and not re.search(r" m?A\b", reviewed.output)
+    assert "ehsa-ctrl design emps --kind pid --current-limit '100 N' -o mine.toml" in str(template.exception)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("scheduled_pid", 'has no pressures, so that no level is measured; take variable = "position"'),
+        ("scheduled_lqr", 'has no pressures, so that no level is measured; take variable = "position"'),
+        ("force", "no load cell and no pressures: a force controller has nothing to measure the force"),
+        ("impedance", "take a position controller such as pid or cascade, or a plant with pump and load cell"),
+    ],
+)
+def test_what_a_carriage_does_not_measure_is_no_variable_of_its_law(kind, sentence):
+    shown = CliRunner().invoke(app, ["design", "emps", "--kind", kind, "--current-limit", "150 N"])
+
+    assert sentence in str(shown.exception)
+
+
+def test_a_carriage_has_no_load_cell_to_schedule_over():
+    law = {**SCHEDULED[0], "schedule": {"variable": "load", "points": [{"at": "0 N"}, {"at": "50 N", "mass": 20.0}]}}
+
+    with pytest.raises(InputError, match="no load cell, so that no load is measured"):
+        ehsa_ctrl.run(SCENARIO, controller=law)
+
+
+def test_a_scheduled_pid_has_the_gains_of_its_point():
+    """At 200 mm those of a PID that is designed for 20 kg more."""
+    plant = ehsa_ctrl.load_plant("emps", model="linear")
+    scheduled = ehsa_ctrl.load_controller(SCHEDULED[0], linear_model(plant)).law
+    heavier = ehsa_ctrl.load_controller(PID, linear_model(plant.set(M=plant["M"] + 20.0))).law
+
+    assert scheduled.at(0.2).gains.k_p == pytest.approx(heavier.gains.k_p, rel=1e-9)
+    assert "N/m" in ehsa_ctrl.load_controller(SCHEDULED[0], linear_model(plant)).law_words
+
+
 @pytest.mark.parametrize(
     ("position", "sentence"),
     [
@@ -194,7 +358,8 @@ def test_a_limit_of_what_a_carriage_lacks_is_refused():
     rate = CliRunner().invoke(app, [*line, "--limit", "current_rate=100 A/s"])
 
     assert "the model has no speed; it has position" in str(speed.exception)
-    assert "limits.current_rate = '100 A/s', but the drive of this plant is in N" in str(rate.exception)
+    assert "[limits] current_rate: '100 A/s' is for a drive in A, but" in str(rate.exception)
+    assert "write it in N/s" in str(rate.exception)
 
 
 def test_no_controller_is_designed_for_a_servo_with_its_own():

@@ -112,20 +112,22 @@ class LoopAnalysis(Result, Margins):
             rows[f"noise_gain {name}"] = (gain, f"{own}/({CHANNELS[name].unit})")
         return pandas.DataFrame.from_dict(rows, orient="index", columns=["value", "unit"]).rename_axis("figure")
 
+    @property
+    def drive_noise(self) -> str:
+        """RMS of the drive by sensor noise in words."""
+        if self.drive == "current":
+            return f"{1e3 * self.current_noise:.3g} mA"
+        return f"{self.current_noise:.3g} {DRIVES[self.drive]}"
+
     def __str__(self) -> str:
         late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
         where = "the current" if self.drive == "current" else self.drive
-        size = (
-            f"{1e3 * self.current_noise:.3g} mA"
-            if self.drive == "current"
-            else (f"{self.current_noise:.3g} {DRIVES[self.drive]}")
-        )
         head = f"loop with {self.controller}, broken at {where}{late}"
         if not self.stable:
             return f"{head}\n  closed loop NOT STABLE: spectral radius {np.max(np.abs(self.poles), initial=0.0):.4g}"
         low, high = self.disk_gain
         source = where.removeprefix("the ")
-        noise = f"; {source} from sensor noise {size} rms" if self.current_noise >= 0 else ""
+        noise = f"; {source} from sensor noise {self.drive_noise} rms" if self.current_noise >= 0 else ""
         return (
             f"{head}\n"
             f"  crossover {self.crossover / (2 * np.pi):.3g} Hz ({self.crossover:.4g} rad/s), "

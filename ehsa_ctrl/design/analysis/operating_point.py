@@ -24,7 +24,8 @@ def operating_point(
 
     Parameters
     ----------
-    system: continuous, states v and x and a pressure, input F_D, as three_state(plant) returns it.
+    system: continuous, states v and x, input F_D, and a pressure for another bulk modulus, as three_state(plant)
+        returns it.
     bulk_modulus: factor on the oil's bulk modulus.
 
     Raises InputError for a model without these states and this input.
@@ -33,10 +34,11 @@ def operating_point(
 
     states, inputs = list(system.state_labels), list(system.input_labels)
     pressures = [states.index(name) for name in PRESSURES if name in states]
-    if not {"v", "x"} <= set(states) or "F_D" not in inputs or not pressures:
+    oil = bulk_modulus != 1.0
+    if not {"v", "x"} <= set(states) or "F_D" not in inputs or (oil and not pressures):
         raise InputError(
             f"the model {system.name} has the states {', '.join(states)} and inputs {', '.join(inputs)}; another "
-            "operating point needs v, x, a pressure and F_D"
+            f"operating point needs v, x and F_D{', and another bulk_modulus a pressure' if oil else ''}"
         )
     a, b = np.array(system.A, dtype=float), np.array(system.B, dtype=float)
     v, force = states.index("v"), inputs.index("F_D")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import AngularFrequency, Definition, In
+from ...core.definition import AngularFrequency, Definition, InDrive
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
@@ -47,7 +47,7 @@ class AdrcLoop(Definition):
         description="what the observer measures: the shaft's speed, or the rod's position alone; by default the speed, "
         "where the plant has a shaft",
     )
-    b_0: Annotated[float, In("m/(s2 A)", "m/(s2 N)", "m/(s2 V)")] | None = Field(
+    b_0: Annotated[float, InDrive("m/(s2 A)")] | None = Field(
         default=None, gt=0, description="acceleration per current; by default that of the linear model at the bandwidth"
     )
 

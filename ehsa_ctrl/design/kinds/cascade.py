@@ -25,6 +25,7 @@ from ..analysis.closed_loop import discrete_response, law_state_space
 from ..analysis.sampled import sampled_plant
 from ..words import WordsByUnit
 from ._kind import ControllerKind, PositionControllerFile
+from ._rod_speed import MEMORY, take_rod_speed
 from .pid import Gains, PhaseMargin
 
 if TYPE_CHECKING:
@@ -113,16 +114,9 @@ def rod_cascade_law(
 ) -> float:
     """One sample of the law above with the rod's speed in place of the shaft's.
 
-    settings: filter time constant, those of `cascade_law`. memory: that of `cascade_law`, 1 after the first sample,
-    last position, the readings with the rod's speed as that of a shaft (5).
+    settings: filter time constant, those of `cascade_law`. memory: that of `cascade_law`, that of `take_rod_speed`.
     """
-    T_f, T_s = settings[0], settings[10]
-    if memory[3] == 0.0:
-        memory[3], memory[4] = 1.0, measured[3]
-    memory[5] = (T_f * memory[5] + measured[3] - memory[4]) / (T_f + T_s)
-    memory[4] = measured[3]
-    for i in range(1, 5):
-        memory[5 + i] = measured[i]
+    take_rod_speed(measured, memory[3:], settings[0], settings[10])
     return cascade_law(reference, memory[5:], memory, settings[1:], extra, hold)
 
 
@@ -184,14 +178,14 @@ class RodCascade(Cascade):
 
     T_f: float = 0.0
     function = staticmethod(rod_cascade_law)
-    uses = (cascade_law,)
+    uses = (take_rod_speed, cascade_law)
     reads = ("position",)
 
     def settings(self) -> np.ndarray:
         return np.append(self.T_f, super().settings())
 
     def initial_memory(self) -> np.ndarray:
-        return np.zeros(10)
+        return np.zeros(3 + MEMORY)
 
     def words(self, unit: str) -> str:
         return (

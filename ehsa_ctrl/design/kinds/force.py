@@ -143,6 +143,16 @@ def travel_per_radian(position: complex, speed: complex, omega: float, sample_ti
     return float(abs((np.exp(1j * omega * sample_time) - 1.0) / sample_time * position / speed))
 
 
+def require_shaft_and_cell(system: control.StateSpace, law: str) -> None:
+    """Raise InputError for a model of a plant that cannot press: without a shaft whose speed damps the loop."""
+    if "omega" not in system.output_labels:
+        raise InputError(
+            f"the model {system.name} has no shaft speed omega, and its plant no load cell and no pressures: {law} has "
+            "nothing to measure the force of the environment with, and nothing to damp its loop; take a position "
+            "controller such as pid or cascade, or a plant with pump and load cell such as ehsa"
+        )
+
+
 def design_force(name: str, file: ForceFile, system: control.StateSpace) -> ForceLaw:
     """Both loops for the linear model `system` (inputs current and F_D, outputs omega, dP and x), exactly sampled.
 
@@ -153,8 +163,7 @@ def design_force(name: str, file: ForceFile, system: control.StateSpace) -> Forc
     """
     import control
 
-    if "omega" not in system.output_labels:
-        raise InputError(f"the model {system.name} has no output omega; a force controller needs the shaft speed")
+    require_shaft_and_cell(system, "a force controller")
     T_s, specified = file.sample_time, file.force
     model = in_contact(system, file.environment.stiffness)
     static = dict(zip(model.output_labels, np.asarray(control.dcgain(model))[:, 0].real, strict=True))

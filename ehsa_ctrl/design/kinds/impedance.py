@@ -13,12 +13,18 @@ from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
 from ...core.definition import Definition, In
-from ...core.errors import InputError
 from ..analysis.closed_loop import discrete_response
 from ..analysis.sampled import sampled_plant
 from ._impedance_law import Impedance, ImpedanceLaw
 from ._kind import ControllerFile, ControllerKind
-from .force import Environment, LoopSpecification, loop_gains, margins_over_stiffness, travel_per_radian
+from .force import (
+    Environment,
+    LoopSpecification,
+    loop_gains,
+    margins_over_stiffness,
+    require_shaft_and_cell,
+    travel_per_radian,
+)
 
 if TYPE_CHECKING:
     import control
@@ -65,8 +71,7 @@ def design_impedance(name: str, file: ImpedanceFile, system: control.StateSpace)
     Raises InputError for a model that lacks one of these, for an infeasible margin, and for a loop that some stiffness
     of the environment makes unstable.
     """
-    if "omega" not in system.output_labels:
-        raise InputError(f"the model {system.name} has no output omega; an impedance controller needs the shaft speed")
+    require_shaft_and_cell(system, "an impedance controller")
     T_s, w = file.sample_time, file.position.crossover
     free = discrete_response(sampled_plant(system, T_s), w)[0, :, 0]
     x, omega = free[MEASURED.index("position")], free[MEASURED.index("speed")]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from ...core.definition import AngularFrequency, Definition, In, Radian, Second
+from ...core.definition import AngularFrequency, Definition, In, InDrive, Radian, Second
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..tuning.constraints import Tuning, position_plant
@@ -38,8 +38,8 @@ def _check_phase_margin(margin: float) -> float:
     return margin
 
 
-AmperePerMetre = Annotated[float, In("A/m", "N/m", "V/m")]
-AmpereSecondPerMetre = Annotated[float, In("A s/m", "N s/m", "V s/m")]
+DrivePerMetre = Annotated[float, InDrive("A/m")]
+DriveSecondPerMetre = Annotated[float, InDrive("A s/m")]
 PhaseMargin = Annotated[Radian, AfterValidator(_check_phase_margin)]
 Weight = Annotated[float, Field(ge=0, le=1)]
 
@@ -86,18 +86,18 @@ class PidGains(Definition):
         default="parallel",
         description="parallel has k_p, k_i, k_d; standard and series have K, T_i, T_d; velocity has kp, kv",
     )
-    k_p: AmperePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
-    k_i: Annotated[float, In("A/(m s)", "N/(m s)", "V/(m s)")] | None = Field(
+    k_p: DrivePerMetre | None = Field(default=None, description="proportional gain of the parallel form")
+    k_i: Annotated[float, InDrive("A/(m s)")] | None = Field(
         default=None, description="integral gain of the parallel form"
     )
-    k_d: AmpereSecondPerMetre | None = Field(default=None, description="derivative gain of the parallel form")
-    K: AmperePerMetre | None = Field(default=None, description="gain of the standard and series forms")
+    k_d: DriveSecondPerMetre | None = Field(default=None, description="derivative gain of the parallel form")
+    K: DrivePerMetre | None = Field(default=None, description="gain of the standard and series forms")
     T_i: Second | None = Field(default=None, description="integral time")
     T_d: Second | None = Field(default=None, description="derivative time")
     kp: Annotated[float, In("1/s")] | None = Field(
         default=None, description="velocity per position error, of the velocity form"
     )
-    kv: AmpereSecondPerMetre | None = Field(default=None, description="drive per velocity error, of the velocity form")
+    kv: DriveSecondPerMetre | None = Field(default=None, description="drive per velocity error, of the velocity form")
     T_f: Second = Field(default=0.0, description="time constant of the derivative filter")
 
     @model_validator(mode="after")

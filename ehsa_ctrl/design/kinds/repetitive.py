@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from ...core.definition import Definition, Hertz, Metre, Second, validate
 from ...core.errors import InputError, choices, shown
@@ -27,9 +27,9 @@ from ..state_space.state_feedback import state_feedback
 from ..words import WordsByUnit, law_words
 from ._kind import ControllerKind, PositionControllerFile
 from .adrc import adrc_law
-from .cascade import RodCascade, cascade_law
+from .cascade import cascade_law, rod_cascade_law
 from .pid import pid_law
-from .sliding_mode import sliding_mode_law
+from .sliding_mode import rod_sliding_mode_law, sliding_mode_law
 
 if TYPE_CHECKING:
     import control
@@ -64,8 +64,12 @@ class RepetitiveFile(PositionControllerFile):
         description="the law that gets the corrected reference: `kind` and the tables of that kind, without the stages"
     )
 
+    #: Context of the validation, which holds for the base too.
+    _context: dict[str, Any] = PrivateAttr(default_factory=dict)
+
     @model_validator(mode="after")
-    def _check_cycle(self) -> RepetitiveFile:
+    def _check_cycle(self, info: ValidationInfo) -> RepetitiveFile:
+        self._context.update(info.context or {})
         samples = self.cycle.period / self.sample_time
         if abs(samples - round(samples)) > 1e-6 * samples:
             raise ValueError(
@@ -160,13 +164,35 @@ def repetitive_sliding_mode(
     return sliding_mode_law(memory[size + 2 :], measured, memory, settings[start:], extra, hold)
 
 
-#: Kind of the base -> its law with the correction.
-BASES: dict[str, Callable[..., float]] = {
-    "pid": repetitive_pid,
-    "cascade": repetitive_cascade,
-    "lqr": repetitive_lqr,
-    "adrc": repetitive_adrc,
-    "sliding_mode": repetitive_sliding_mode,
+def repetitive_rod_cascade(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """As `repetitive_pid`."""
+    size, start = int(settings[0]), int(settings[1])
+    repeat(reference, measured, memory[size:], settings[2:], hold)
+    return rod_cascade_law(memory[size + 2 :], measured, memory, settings[start:], extra, hold)
+
+
+def repetitive_rod_sliding_mode(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """As `repetitive_pid`."""
+    size, start = int(settings[0]), int(settings[1])
+    repeat(reference, measured, memory[size:], settings[2:], hold)
+    return rod_sliding_mode_law(memory[size + 2 :], measured, memory, settings[start:], extra, hold)
+
+
+#: Kinds of the base.
+BASES = ("pid", "cascade", "lqr", "adrc", "sliding_mode")
+#: Law of the base -> the law with the correction.
+CORRECTED: dict[Callable[..., float], Callable[..., float]] = {
+    pid_law: repetitive_pid,
+    cascade_law: repetitive_cascade,
+    rod_cascade_law: repetitive_rod_cascade,
+    state_feedback: repetitive_lqr,
+    adrc_law: repetitive_adrc,
+    sliding_mode_law: repetitive_sliding_mode,
+    rod_sliding_mode_law: repetitive_rod_sliding_mode,
 }
 
 
@@ -176,11 +202,10 @@ class Repetitive(WordsByUnit):
 
     Attributes
     ----------
-    word, base: kind and law of the base. samples: N. learning: filter, gain and convergence.
+    base: law of the base. samples: N. learning: filter, gain and convergence.
     deadband: m. largest: correction [m].
     """
 
-    word: str
     base: Law
     samples: int
     learning: Learning
@@ -190,7 +215,7 @@ class Repetitive(WordsByUnit):
 
     @property
     def function(self) -> Callable[..., float]:
-        return BASES[self.word]
+        return CORRECTED[self.base.function]
 
     @property
     def uses(self) -> tuple[Callable[..., Any], ...]:
@@ -245,13 +270,11 @@ def design_repetitive(name: str, file: RepetitiveFile, system: control.StateSpac
     limits = {"sample_time": f"{file.sample_time!r} s", "current_limit": f"{file.current_limit!r} {unit}"}
     content = {"schema": 1, "title": name, **limits, **file.base}
     try:
-        definition = validate(content, CONTROLLER_KINDS[word].file, "[base]")
+        definition = validate(content, CONTROLLER_KINDS[word].file, "[base]", context=file._context)
         base = CONTROLLER_KINDS[word].design(name, definition, system)
     except InputError as error:
-        text = str(error)
+        text = str(error).replace("--spec ", "--spec base.")
         raise InputError(text if text.startswith("[base]") else f"[base] {text}") from None
-    if isinstance(base, RodCascade):
-        raise InputError(f"[base] kind = 'cascade': {system.name} has no shaft; take kind = 'pid'")
     controller = SampledController(name, word, file.sample_time, file.current_limit, base)
     cycle = file.cycle
     samples = round(cycle.period / file.sample_time)
@@ -264,7 +287,7 @@ def design_repetitive(name: str, file: RepetitiveFile, system: control.StateSpac
         raise InputError(
             f"[cycle] period of {samples} samples is too short for a filter and lead of {reach} samples; raise cutoff"
         )
-    return Repetitive(word, base, samples, learning, cycle.deadband, cycle.limit)
+    return Repetitive(base, samples, learning, cycle.deadband, cycle.limit)
 
 
 kind = ControllerKind(

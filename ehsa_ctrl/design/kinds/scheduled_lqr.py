@@ -165,6 +165,7 @@ def design_over_schedule(
 
     Raises InputError for a design that fails, with the point, and for a loop that is unstable at a point or between.
     """
+    schedule.require_measured(system)
     laws = []
     for point in schedule.points:
         try:

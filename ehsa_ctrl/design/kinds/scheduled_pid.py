@@ -16,6 +16,7 @@ from ...core.definition import Array
 from ...core.errors import InputError
 from ..stages.scheduling import TAKE_ROW, Schedule, SchedulePoint, take_row
 from ..tuning.constraints import Tuning
+from ..words import WordsByUnit
 from ._kind import ControllerKind
 from .pid import Gains, Pid, PidDesign, PidGains, PidLoopFile, designed_gains, pid_law
 
@@ -90,7 +91,7 @@ def scheduled_pid_law(
 
 
 @dataclass(frozen=True)
-class ScheduledPid:
+class ScheduledPid(WordsByUnit):
     """Feedback law of a scheduled PID, a design.controller.Law.
 
     Attributes
@@ -135,8 +136,10 @@ class ScheduledPid:
         """The fixed PID at the nominal values."""
         return self.at(*self.schedule.nominal_values()).linear()
 
-    def __str__(self) -> str:
-        rows = "; ".join(f"{point}: {pid.gains}" for point, pid in zip(self.schedule.points, self.pids, strict=True))
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
+        points = zip(self.schedule.points, self.pids, strict=True)
+        rows = "; ".join(f"{point}: {pid.gains.words(unit)}" for point, pid in points)
         return f"PID over {self.schedule.names}, {rows}"
 
 
@@ -145,6 +148,7 @@ def design_scheduled(name: str, file: ScheduledFile, system: control.StateSpace)
 
     Raises InputError for an infeasible [design] or [tuning], with the point.
     """
+    file.schedule.require_measured(system)
     pids = []
     for point in file.schedule.points:
         try:

@@ -10,26 +10,30 @@ E. Slotine, W. Li, "Applied Nonlinear Control", Prentice Hall 1991, chapter 7). 
 follows k, so that within the layer the law is linear and its margins are those of a loop with poles at -lambda,
 -lambda and -lambda_phi. The integral acts within the layer alone, so that it does not wind up (S. Seshagiri, H. K.
 Khalil, "Robust output feedback regulation of minimum-phase nonlinear systems using conditional integrators",
-Automatica 41, 2005). The velocity is that of the shaft.
+Automatica 41, 2005). The velocity is that of the shaft; where the plant has none, filtered differences of the rod's
+position, with n = 1. For a plant whose drive is a force all amperes are newtons.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, AngularFrequency, Definition
+from ...core.definition import AngularFrequency, Definition, Drive
 from ...core.errors import InputError
 from ..analysis.closed_loop import law_state_space
 from ..analysis.rigid_body import rigid_body
+from ..analysis.sampled import DRIVES, drive_unit_of
 from ..controller import SampledController
 from ..review_checks import ReviewContext, ReviewFinding
+from ..words import WordsByUnit
 from ._kind import ControllerKind, PositionControllerFile, require_stable
+from ._rod_speed import MEMORY, take_rod_speed
 
 if TYPE_CHECKING:
     import control
@@ -45,17 +49,28 @@ class SlidingSurface(Definition):
         default=1.0,
         description="lambda_phi / lambda, bandwidth of s within the boundary layer over that of the surface",
     )
-    disturbance: Ampere = Field(
+    disturbance: Drive = Field(
         gt=0, description="F, largest disturbance as a current: friction and load that nothing feeds forward"
     )
     gain_margin: Annotated[float, Field(ge=1, le=5)] = Field(
         default=1.2, description="beta, largest factor on the plant's gain to either side"
     )
-    reaching: Ampere = Field(
-        default=0.2,
+    reaching: Drive | None = Field(
+        default=None,
         gt=0,
-        description="eta, current left over for reaching the boundary layer at the largest disturbance",
+        description="eta, current left over for reaching the boundary layer at the largest disturbance; by default a "
+        "third of it",
     )
+    filter_ratio: Annotated[float, Field(gt=1, le=1e6)] = Field(
+        default=10.0,
+        description="corner frequency of the filter of the rod's speed over the larger bandwidth, where the plant has "
+        "no shaft and the speed is taken from the position",
+    )
+
+    @property
+    def fastest(self) -> float:
+        """The larger of the bandwidths of surface and boundary layer [rad/s]."""
+        return max(1.0, self.layer_ratio) * self.bandwidth
 
 
 class SlidingModeFile(PositionControllerFile):
@@ -66,8 +81,7 @@ class SlidingModeFile(PositionControllerFile):
 
     @model_validator(mode="after")
     def _check_sliding_mode(self) -> SlidingModeFile:
-        surface, nyquist = self.sliding_mode, np.pi / self.sample_time
-        fastest = max(1.0, surface.layer_ratio) * surface.bandwidth
+        fastest, nyquist = self.sliding_mode.fastest, np.pi / self.sample_time
         if fastest >= nyquist:
             raise ValueError(
                 f"[sliding_mode] bandwidth with layer_ratio is {fastest:.4g} rad/s; expected less than "
@@ -106,8 +120,20 @@ def sliding_mode_law(
     return current
 
 
+def rod_sliding_mode_law(
+    reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray, extra: float, hold: float
+) -> float:
+    """One sample of the law above with the rod's speed in place of the shaft's.
+
+    settings: filter time constant, those of `sliding_mode_law`. memory: that of `sliding_mode_law`, that of
+    `take_rod_speed`.
+    """
+    take_rod_speed(measured, memory[4:], settings[0], settings[9])
+    return sliding_mode_law(reference, memory[6:], memory, settings[1:], extra, hold)
+
+
 @dataclass(frozen=True)
-class SlidingMode:
+class SlidingMode(WordsByUnit):
     """Feedback law of a sliding mode, a design.controller.Law.
 
     Attributes
@@ -127,9 +153,9 @@ class SlidingMode:
     current_limit: float
     sample_time: float
     function = staticmethod(sliding_mode_law)
-    uses = ()
+    uses: ClassVar[tuple[Callable[..., Any], ...]] = ()
     compiles = True
-    reads = ("position", "speed")
+    reads: ClassVar[tuple[str, ...]] = ("position", "speed")
     traces = {"integral": 0, "s": 1, "switching": 2}
 
     @property
@@ -156,10 +182,11 @@ class SlidingMode:
 
     def findings(self, case: ReviewContext) -> Iterator[ReviewFinding]:
         """What a design review says of a sliding mode; margins are those within the boundary layer."""
+        unit = DRIVES[case.loop.drive]
         yield ReviewFinding(
             "boundary layer",
-            f"k = {self.k:.3g} A at rest; linear for errors up to {1e3 * self.layer_error:.3g} mm, beyond them the "
-            "switching part is constant",
+            f"k = {self.k:.3g} {unit} at rest; linear for errors up to {1e3 * self.layer_error:.3g} mm, beyond them "
+            "the switching part is constant",
             "good",
         )
         if not isfinite(case.known.static):
@@ -169,45 +196,73 @@ class SlidingMode:
         left = max(case.known.static - fed, 0.0)
         yield ReviewFinding(
             "disturbance",
-            f"F = {self.disturbance:.3g} A; breakaway needs {case.known.static:.3g} A, {fed:.3g} A of it fed forward",
+            f"F = {self.disturbance:.3g} {unit}; breakaway needs {case.known.static:.3g} {unit}, {fed:.3g} {unit} of "
+            "it fed forward",
             "good" if self.disturbance >= left else "warning",
-            f"raise [sliding_mode] disturbance to {left:.2g} A or more, or feed friction forward",
+            f"raise [sliding_mode] disturbance to {left:.2g} {unit} or more, or feed friction forward",
         )
 
-    def __str__(self) -> str:
+    def words(self, unit: str) -> str:
+        """The law with the drive's unit."""
         return (
             f"sliding mode, lambda = {self.bandwidth:.4g} rad/s, lambda_phi = {self.layer:.4g} rad/s, "
-            f"k = {self.k:.4g} A at rest, b_0 = {self.b_0:.4g} m/(s2 A), c = {self.c:.3g} 1/s"
+            f"k = {self.k:.4g} {unit} at rest, b_0 = {self.b_0:.4g} m/(s2 {unit}), c = {self.c:.3g} 1/s"
         )
+
+
+@dataclass(frozen=True)
+class RodSlidingMode(SlidingMode):
+    """A sliding mode that takes the rod's speed from the position, a design.controller.Law.
+
+    Attributes
+    ----------
+    those of SlidingMode with n = 1, and
+    T_f: time constant of the speed's filter [s].
+    """
+
+    T_f: float = 0.0
+    function = staticmethod(rod_sliding_mode_law)
+    uses = (take_rod_speed, sliding_mode_law)
+    reads = ("position",)
+
+    def settings(self) -> np.ndarray:
+        return np.append(self.T_f, super().settings())
+
+    def initial_memory(self) -> np.ndarray:
+        return np.zeros(4 + MEMORY)
+
+    def words(self, unit: str) -> str:
+        return f"{super().words(unit)}, the rod's speed from its position with T_f = {self.T_f:.3g} s"
 
 
 def design_sliding_mode(name: str, file: SlidingModeFile, system: control.StateSpace) -> SlidingMode:
-    """A sliding mode for the linear model `system` (first input the current, outputs omega and x).
+    """A sliding mode for the linear model `system` (first input the current, outputs x and that of a shaft, omega).
 
-    Raises InputError for a model without the shaft's speed, for a switching gain beyond the current limit, and where
-    the loop within the boundary layer is unstable.
+    Raises InputError for a switching gain beyond the current limit, and where the loop within the boundary layer is
+    unstable.
     """
-    surface = file.sliding_mode
+    surface, unit = file.sliding_mode, drive_unit_of(system)
     body = rigid_body(system, surface.bandwidth)
-    if body.n == 0.0:
-        raise InputError(f"the model {system.name} has no output omega; a sliding mode needs the shaft's speed")
     law = SlidingMode(
         b_0=body.b_0,
         c=body.c,
-        n=body.n,
+        n=body.n or 1.0,
         bandwidth=surface.bandwidth,
         layer=surface.layer_ratio * surface.bandwidth,
         disturbance=surface.disturbance,
-        reaching=surface.reaching,
+        reaching=surface.disturbance / 3.0 if surface.reaching is None else surface.reaching,
         gain_margin=surface.gain_margin,
         current_limit=file.current_limit,
         sample_time=file.sample_time,
     )
     if law.k >= law.current_limit:
         raise InputError(
-            f"[sliding_mode] k = beta (F + eta) = {law.k:.4g} A is beyond current_limit = {law.current_limit:g} A; "
+            f"[sliding_mode] k = beta (F + eta) = {law.k:.4g} {unit} is beyond current_limit = "
+            f"{law.current_limit:g} {unit}; "
             "lower disturbance, reaching or gain_margin, or raise current_limit"
         )
+    if body.n == 0.0:
+        law = RodSlidingMode(**vars(law), T_f=1.0 / (surface.filter_ratio * surface.fastest))
     controller = SampledController(name, "sliding_mode", law.sample_time, law.current_limit, law)
     require_stable(system, controller, "lower [sliding_mode] bandwidth or layer_ratio")
     return law

@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Definition, In, Second
+from ...core.definition import Definition, InDrive, Second
 
 #: Sizes of memory and settings of `adapt`.
 MEMORY, SETTINGS = 10, 9
@@ -67,13 +67,13 @@ class Adaptation(Definition):
     least: float = Field(default=0.3, gt=0, lt=1, description="smallest factor of viscous and of dry friction")
     most: float = Field(default=2.5, gt=1, lt=inf, description="largest factor of viscous and of dry friction")
     filter_time: Second = Field(default=0.05, ge=0, description="time constant of the filter on current and friction")
-    inertia: Annotated[float, In("A s2/m")] | None = Field(
+    inertia: Annotated[float, InDrive("A s2/m")] | None = Field(
         default=None, description=f"current per planned acceleration{DEFAULT}"
     )
-    viscous: Annotated[float, In("A s/m")] | None = Field(
+    viscous: Annotated[float, InDrive("A s/m")] | None = Field(
         default=None, description=f"current per planned velocity{DEFAULT}"
     )
-    load: Annotated[float, In("A/N")] | None = Field(
+    load: Annotated[float, InDrive("A/N")] | None = Field(
         default=None, description=f"current per measured load force, by which it is told from friction{DEFAULT}"
     )
 

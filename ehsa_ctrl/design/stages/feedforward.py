@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, In, Second
+from ...core.definition import Definition, Drive, In, InDrive, Second
 from . import adaptation
 from .adaptation import Adaptation, adapt, adaptation_settings
 
@@ -59,21 +59,21 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
 class Feedforward(Definition):
     """[feedforward]: coefficients of the model divided by its torque constant; zero where left out."""
 
-    inertia: Annotated[float, In("A s2/m")] = Field(default=0.0, description="current per planned acceleration")
-    viscous: Annotated[float, In("A s/m")] = Field(default=0.0, description="current per planned velocity")
-    stiffness: Annotated[float, In("A/m")] = Field(default=0.0, description="current per planned position")
-    preload: Ampere = Field(
+    inertia: Annotated[float, InDrive("A s2/m")] = Field(default=0.0, description="current per planned acceleration")
+    viscous: Annotated[float, InDrive("A s/m")] = Field(default=0.0, description="current per planned velocity")
+    stiffness: Annotated[float, InDrive("A/m")] = Field(default=0.0, description="current per planned position")
+    preload: Drive = Field(
         default=0.0, description="constant current, positive where a constant load resists extension"
     )
-    coulomb: Ampere = Field(default=0.0, ge=0, description="current against Coulomb friction during motion")
-    static: Ampere | None = Field(
+    coulomb: Drive = Field(default=0.0, ge=0, description="current against Coulomb friction during motion")
+    static: Drive | None = Field(
         default=None,
         description="current against friction at the start of a motion, at least `coulomb`, the default",
     )
     stribeck: Annotated[float, In("m/s")] = Field(
         default=0.01, gt=0, description="velocity over which the friction current falls from static to coulomb"
     )
-    load: Annotated[float, In("A/N")] = Field(
+    load: Annotated[float, InDrive("A/N")] = Field(
         default=0.0,
         description="current per measured load force, filtered with force_time. This is feedback: if the load depends "
         "on position, it changes the stability margins",
@@ -86,7 +86,7 @@ class Feedforward(Definition):
     @model_validator(mode="after")
     def _check_static(self) -> Feedforward:
         if self.static is not None and self.static < self.coulomb:
-            raise ValueError(f"static = {self.static:g} A; expected at least coulomb, {self.coulomb:g} A")
+            raise ValueError(f"static = {self.static:g}; expected at least coulomb, {self.coulomb:g}")
         if self.adaptation is not None and self.coulomb == 0.0:
             raise ValueError("adaptation needs a coulomb current to start from; give coulomb, or leave adaptation out")
         return self

@@ -20,7 +20,7 @@ from math import exp, pi, sin
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...core.definition import Ampere, Definition, Hertz, Metre, RadianPerSecond, Second
+from ...core.definition import Definition, Drive, Hertz, Metre, RadianPerSecond, Second
 
 #: Sizes of memory and settings of `rest`.
 MEMORY, SETTINGS = 19, 13
@@ -100,9 +100,9 @@ def knock(memory: np.ndarray, settings: np.ndarray) -> None:
 class Knocker(Definition):
     """[rest.knocker]: short pulses that move a rod at rest outside the band towards its target."""
 
-    first: Ampere = Field(gt=0, description="height of the first pulse")
-    growth: Ampere = Field(gt=0, description="increase from pulse to pulse")
-    largest: Ampere = Field(description="largest height")
+    first: Drive = Field(gt=0, description="height of the first pulse")
+    growth: Drive = Field(gt=0, description="increase from pulse to pulse")
+    largest: Drive = Field(description="largest height")
     width: Second = Field(default=0.004, gt=0, description="duration of a pulse")
     period: Second = Field(default=0.02, description="time from pulse to pulse")
 
@@ -139,7 +139,7 @@ class Rest(Definition):
 class Dither(Definition):
     """[dither]: a sine added to the current."""
 
-    amplitude: Ampere = Field(gt=0, description="amplitude")
+    amplitude: Drive = Field(gt=0, description="amplitude")
     frequency: Hertz = Field(gt=0, description="frequency, below half the sample rate")
 
 

@@ -17,7 +17,8 @@ from pydantic import Field, model_validator
 from ...core.definition import Array, Definition, In, Second
 from ...core.errors import InputError
 from ...core.unit import parse
-from ..analysis.operating_point import operating_point
+from ..analysis.operating_point import PRESSURES, operating_point
+from ..analysis.sampled import drive_unit_of
 
 if TYPE_CHECKING:
     import control
@@ -94,6 +95,21 @@ class Schedule(Definition):
             )
         self.nominal_values()
         return self
+
+    def require_measured(self, system: control.StateSpace) -> None:
+        """Raise InputError for a variable that the plant of the linear model `system` does not measure."""
+        has_oil, unit = bool(set(PRESSURES) & set(system.output_labels)), drive_unit_of(system)
+        for variable in (self.variable, self.second_variable):
+            if variable == "level" and not has_oil:
+                raise InputError(
+                    f"[schedule] the model {system.name} has no pressures, so that no level is measured; take variable "
+                    '= "position"'
+                )
+            if variable == "load" and unit != "A":
+                raise InputError(
+                    f"[schedule] the plant of {system.name} has no load cell, so that no load is measured; take "
+                    'variable = "position"'
+                )
 
     def _value(self, text: str) -> float:
         return _parse(text, self.variable)

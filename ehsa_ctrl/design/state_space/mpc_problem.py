@@ -23,7 +23,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...core.definition import Definition, In, Metre, RadianPerSecond
+from ...core.definition import Definition, In, InDrive, Metre, RadianPerSecond
 from ..qp import NO_BOUND
 from .kalman import Pascal
 from .model import DesignModel
@@ -32,7 +32,7 @@ from .regulator import MOTION, Cost, Regulator, Target
 #: Position error [m] that scales the penalty of soft limits, about a full stroke: the penalty must exceed the cost that
 #: a violation saves, or the optimum violates a feasible limit.
 LARGE_ERROR = 0.1
-DrivePerSecond = Annotated[float, In("A/s", "N/s", "V/s")]
+DrivePerSecond = Annotated[float, InDrive("A/s")]
 
 
 class Limits(Definition):

@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.controller_interface import MEASURED
-from ...core.definition import AngularFrequency, Definition, In
+from ...core.definition import AngularFrequency, Definition, InDrive
 from ..analysis.closed_loop import spectral_radius, transfer
 from ..analysis.sampled import sampled_plant
 
@@ -54,7 +54,7 @@ class Tuning(Definition):
     )
     Mt: Annotated[float, Field(gt=1)] | None = Field(default=1.4, description="largest complementary sensitivity |T|")
     disk_margin: Annotated[float, Field(gt=0, lt=2)] | None = Field(default=0.7, description="least disk margin")
-    noise_gain: Annotated[float, In("A/m")] | None = Field(
+    noise_gain: Annotated[float, InDrive("A/m")] | None = Field(
         default=1e4, gt=0, description="largest RMS current per RMS of white position noise"
     )
     crossover: AngularFrequency | None = Field(default=None, description="least gain crossover frequency")
