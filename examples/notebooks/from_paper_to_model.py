@@ -24,8 +24,6 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
 import ehsa_ctrl as e
-from ehsa_ctrl.physics import chambers, motor, pump, rod
-from ehsa_ctrl.physics.friction import stribeck
 
 plt.rcParams.update(e.style.RC)
 BAR, MM, RPM = 1e5, 1e-3, 2 * np.pi / 60  # in SI units
@@ -56,17 +54,10 @@ linear, plant = (e.load_plant("ehsa", model=model) for model in ("linear", "nonl
 # are compiled for the engine, differentiated for the linear models, and inverted by the identification:
 
 # %%
-for function in (
-    motor.acceleration,
-    pump.flow,
-    chambers.stroke_volume_1,
-    chambers.pressure_rate_1,
-    rod.acceleration,
-    stribeck.effort,
-):
-    print(
-        f"# physics/{function.__module__.rpartition('physics.')[2].replace('.', '/')}.py\n{inspect.getsource(function)}"
-    )
+equations = {call.target: call.function for call in plant.structure.equations.calls}
+for result in ("omega_dot", "Q_P", "V_1", "P_1_dot", "v_dot", "T_FM"):
+    function = equations[result]
+    print(f"# {result}, in {function.__module__.replace('.', '/')}.py\n{inspect.getsource(function)}")
 
 # %% [markdown]
 # (`direction` is $\mathrm{sign}(v)$ of a sliding contact. At rest it is undefined; see section 5.)
@@ -227,7 +218,7 @@ for ax, end, most, label in (
     (axes[1], "FR", 60e-3, "force on the rod (N)"),
 ):
     speed = np.linspace(1e-9, most, 400)
-    law = [stribeck.effort(1.0, s, *(plant[f"{symbol}_{end}"] for symbol in ("A", "B", "C", "tau"))) for s in speed]
+    law = [equations["T_FM"](1.0, s, *(plant[f"{symbol}_{end}"] for symbol in ("A", "B", "C", "tau"))) for s in speed]
     scale = MM if end == "FR" else 1.0
     most /= scale
     whole = np.concatenate([-speed[::-1], speed]) / scale

@@ -64,6 +64,15 @@ def test_a_notebook_names_no_machine(path):
     assert not [cell for cell in notebook.cells if "execution" in cell.metadata]
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=IDS)
+def test_a_notebook_uses_public_names_alone(path):
+    """It imports the package, and nothing from within it."""
+    code = "\n".join(cell.source for cell in _code(nbformat.read(path, as_version=4)))
+
+    assert "import ehsa_ctrl as e" in code
+    assert not re.search(r"\b(from|import) ehsa_ctrl\.", code)
+
+
 def test_every_notebook_has_a_source():
     """Notebooks and sources correspond one to one."""
     sources = [source.stem for source in sorted((EXAMPLES / "notebooks").glob("*.py"))]
