@@ -99,6 +99,45 @@ def test_a_solution_is_that_of_cvxpy(model, shipped):
         np.testing.assert_allclose(found.x[: terms.horizon], terms.effort.value, rtol=0, atol=2e-4)
 
 
+@pytest.mark.slow
+def test_a_solution_is_that_of_cvxpygen(model, shipped, tmp_path, monkeypatch):
+    """The C code that cvxpygen writes for the same problem finds the same currents, with limits active."""
+    cpg = pytest.importorskip("cvxpygen.cpg")
+    from ehsa_ctrl.design.qp import QP_SOLVERS
+    from ehsa_ctrl.design.state_space.mpc_own_problem import complete_problem
+    from ehsa_ctrl.design.state_space.mpc_terms import MpcTerms
+
+    def gentle(m):
+        over = cp.Variable(nonneg=True)
+        return m.cost + 0.2 * cp.sum_squares(m.current) + 1e3 * over, [cp.abs(m.speed) <= 100 + over]
+
+    terms = MpcTerms(shipped.law.problem)
+    problem = complete_problem(shipped.law, terms, gentle)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    cpg.generate_code(problem, code_dir="generated", solver="OSQP")
+    own = without_trajectory(model, problem=gentle).law.own
+    solver = QP_SOLVERS["osqp"].make(own.H, own.G, 4000, None)
+    rng, largest = np.random.default_rng(1), 0.0
+    for _ in range(10):
+        p = 0.02 * rng.normal(size=shipped.law.problem.parameters)
+        terms.parameter.value = p
+        problem.solve(method="CPG", eps_abs=1e-9, eps_rel=1e-9, max_iter=20000)
+        given = np.append(p, 1.0)
+        found = solver.solve(
+            own.F @ given,
+            own.lower + own.T @ given,
+            own.upper + own.T @ given,
+            np.zeros(len(own.F)),
+            np.zeros(own.lower.size),
+        )
+        largest = max(largest, float(np.max(np.abs(terms.speed.value))))
+
+        assert problem.status == "solved" and found.status == 0
+        np.testing.assert_allclose(found.x[: terms.horizon], terms.effort.value, rtol=0, atol=1e-5)
+    assert largest > 99.9
+
+
 def test_terms_predict_the_model(model, shipped):
     """Signals over the horizon for random currents equal a simulation of the sampled model."""
     from ehsa_ctrl.design.state_space.mpc_terms import MpcTerms
