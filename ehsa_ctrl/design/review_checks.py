@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.controller_interface import MEASURED
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius, unit_step
+from .analysis.contact import loop_model
 from .analysis.loop import LoopAnalysis
 from .analysis.sampled import DRIVES, drive_of, hidden_modes, readings, scaled_matrices, state_scales
 
@@ -77,6 +78,7 @@ class ReviewContext:
     sample_time: s. law, closed: discrete linear systems, see analysis.closed_loop.
     feedback: the controller's law object; some have `model` and `horizon`.
     rests: whether the controller has a [rest], which holds the integral while the rod rests.
+    in_contact: whether the loop is closed against an environment, where the position has no target of its own.
     integrates: whether a constant error makes the current grow without bound.
     error_gain: A/m, largest current within five samples of a step of the error at rest.
     """
@@ -95,6 +97,7 @@ class ReviewContext:
         _, self.law, self.closed = close_loop(system, controller, lag * self.sample_time)
         self.feedback = getattr(controller, "law", controller)
         self.rests = getattr(controller, "rest", None) is not None
+        self.in_contact = loop_model(system, controller) is not system
         self.current_limit = float(getattr(controller, "current_limit", inf))
         slow = np.abs(
             discrete_response(self.law[0, 3 + MEASURED.index("position")], LOW_FREQUENCIES / self.sample_time)[:, 0, 0]
@@ -234,7 +237,7 @@ def state_scaling(case: ReviewContext) -> Iterator[ReviewFinding]:
 
 def steady_state_error(case: ReviewContext) -> Iterator[ReviewFinding]:
     """Steady-state error of the linear loop to a reference and to a load."""
-    if not case.loop.stable:
+    if not case.loop.stable or case.in_contact:
         return
     closed, row = case.closed, OUTPUTS.index("position")
     column = INPUTS.index("r_position")
@@ -287,6 +290,8 @@ def friction(case: ReviewContext) -> Iterator[ReviewFinding]:
         "fault" if case.current_limit <= NO_MOTION * needed else _verdict(case.current_limit < LITTLE_MOTION * needed),
         "raise current_limit or reduce the stroke",
     )
+    if case.in_contact:
+        return
     yield _stick_band(case)
     if case.integrates:
         words = "Coulomb friction is unknown"

@@ -194,3 +194,15 @@ def test_a_lag_counts(system):
     prompt, late = (review(system, load_controller("pid_position", system), lag=lag).loop for lag in (0, 2))
 
     assert late.disk_margin < prompt.disk_margin and math.isfinite(late.disk_margin)
+
+
+@pytest.mark.parametrize("name", ["force_press", "impedance_push"])
+def test_a_law_in_contact_is_reviewed_there(system, name):
+    """Its position has no target of its own; the margins over the stiffness are those of the design."""
+    controller = load_controller(name, system)
+    found = review(system, controller, known=FRICTION)
+    tests = [finding.test for finding in found.findings]
+
+    assert not found.warnings and not {"reaches its target", "droop under load", "stick band"} & {*tests}
+    assert f"in contact with {1e-3 * controller.law.stiffness:g} kN/m" in found["environment"].result
+    assert f"Ms {controller.law.margins.worst['Ms'].value:.3g} or less" in found["margins in contact"].result

@@ -16,14 +16,16 @@ friction, which is fed forward as soon as the target moves: a new motion begins 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..analysis.closed_loop import law_state_space
 from ..analysis.robustness import RobustMargins
+from ..review_checks import MAX_MS, ReviewContext, ReviewFinding
 
 if TYPE_CHECKING:
     import control
@@ -107,6 +109,29 @@ class LoopGains:
 NO_LOOP = LoopGains(0.0, 0.0, 0.0, 0.0)
 
 
+def contact_words(margins: RobustMargins) -> str:
+    """The stiffnesses of an environment and the worst margins over them."""
+    worst, labels = margins.worst, list(margins.loops)
+    return (
+        f"from {labels[0]} to {labels[-1]}: phase margin {worst['phase_margin'].value:.3g} deg or more, "
+        f"Ms {worst['Ms'].value:.3g} or less"
+    )
+
+
+def contact_findings(law: Any) -> Iterator[ReviewFinding]:
+    """The environment for which a law in contact is designed and reviewed, and its margins over other ones."""
+    yield ReviewFinding(
+        "environment", f"all figures are in contact with {1e-3 * law.stiffness:.5g} kN/m, of the design", "good"
+    )
+    if law.margins is not None:
+        yield ReviewFinding(
+            "margins in contact",
+            contact_words(law.margins),
+            "good" if law.margins.Ms <= MAX_MS else "warning",
+            "lower the crossover, or narrow the range from softest to stiffest",
+        )
+
+
 @dataclass(frozen=True)
 class ForceLaw:
     """Feedback law of a force controller, a design.controller.Law.
@@ -179,16 +204,8 @@ class ForceLaw:
         )
         if self.position != NO_LOOP:
             text += f", position before contact, k_x = {self.position.k:.4g} A/m"
-        if self.margins is None:
-            return text
-        worst = self.margins.worst
-        return (
-            f"{text}, {self.margins_range}: phase margin {worst['phase_margin'].value:.3g} deg or more, "
-            f"Ms {worst['Ms'].value:.3g} or less"
-        )
+        return text if self.margins is None else f"{text}, {contact_words(self.margins)}"
 
-    @property
-    def margins_range(self) -> str:
-        """The stiffnesses of `margins` in words."""
-        labels = list(self.margins.loops) if self.margins is not None else []
-        return f"from {labels[0]} to {labels[-1]}" if labels else "no stiffness"
+    def findings(self, case: ReviewContext) -> Iterator[ReviewFinding]:
+        """What a design review says of the environment."""
+        yield from contact_findings(self)

@@ -12,6 +12,7 @@ sampled exactly for a force that is held over each sample.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import TYPE_CHECKING
@@ -20,7 +21,8 @@ import numpy as np
 
 from ..analysis.closed_loop import law_state_space
 from ..analysis.robustness import RobustMargins
-from ._force_law import LoopGains
+from ..review_checks import ReviewContext, ReviewFinding
+from ._force_law import LoopGains, contact_findings, contact_words
 
 if TYPE_CHECKING:
     import control
@@ -129,10 +131,8 @@ class ImpedanceLaw:
             f"mass {z.mass:.4g} kg, damping {1e-3 * z.damping:.4g} kN s/m, stiffness {1e-3 * z.stiffness:.4g} kN/m "
             f"towards the load cell's force, k_x = {self.position.k:.4g} A/m, k_xw = {self.position.k_w:.4g} A s/rad"
         )
-        if self.margins is None:
-            return text
-        worst, labels = self.margins.worst, list(self.margins.loops)
-        return (
-            f"{text}, from {labels[0]} to {labels[-1]}: phase margin {worst['phase_margin'].value:.3g} deg or more, "
-            f"Ms {worst['Ms'].value:.3g} or less"
-        )
+        return text if self.margins is None else f"{text}, {contact_words(self.margins)}"
+
+    def findings(self, case: ReviewContext) -> Iterator[ReviewFinding]:
+        """What a design review says of the environment."""
+        yield from contact_findings(self)
