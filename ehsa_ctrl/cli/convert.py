@@ -30,7 +30,7 @@ def command(
     plant: Annotated[
         str | None,
         typer.Option(
-            help="Plant whose [log] maps the columns: its name, or the path of its TOML.", autocompletion=plants
+            help="Plant whose \\[log] maps the columns: its name, or the path of its TOML.", autocompletion=plants
         ),
     ] = None,
     start: Annotated[float | None, typer.Option("--from", metavar="S", help="First second to write.")] = None,

@@ -57,7 +57,7 @@ class SingleLogOptions:
         str | None,
         typer.Option(
             help="Controller under which the log was recorded: simulate the closed loop as well, along the log's "
-            "channel reference; by default that of the plant's [log.controller]. With --scenario: controller instead "
+            "channel reference; by default that of the plant's \\[log.controller]. With --scenario: controller instead "
             "of the scenario's own.",
             autocompletion=controllers,
         ),
@@ -151,8 +151,8 @@ def command(
     they get one diagnosis: causes and nominal parameters are shared, also offsets of sensors and of the current. What
     was set for one of them, such as the stiffness of a spring, is given by --log-set.
 
-    --controller, or [log.controller] in the plant's file, adds a closed-loop replay: the gaps of the same models under
-    the controller of the log, along the logged reference, with the position.
+    --controller, or \\[log.controller] in the plant's file, adds a closed-loop replay: the gaps of the same models
+    under the controller of the log, along the logged reference, with the position.
 
     --from and --to apply to each log that is diagnosed; logs of --validate and --before are used whole. --zero and
     --align remove the offset or delay of a channel, so that the diagnosis can't find it.

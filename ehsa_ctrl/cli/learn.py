@@ -31,7 +31,7 @@ def command(
     """Repeat a scenario and correct its reference by the error of each run (iterative learning control).
 
     The convergence is checked first, on the linear loop: a correction that would grow at any frequency is refused. With
-    --out, trajectory.csv holds the corrected reference for a scenario with [reference] kind = "file".
+    --out, trajectory.csv holds the corrected reference for a scenario with \\[reference] kind = "file".
 
     Examples: ehsa-ctrl learn press_cycle --controller cascade_friction --out results/learnt ·
     ehsa-ctrl learn trapezoid_moves --controller lqr_friction --trials 12 --cutoff '15 Hz' --deadband '40 um'

@@ -61,7 +61,7 @@ def command(
     """Run one side of a loop in real time or lock-step: the other side, a rig or another program, answers over UDP.
 
     The plant's side sends a packet of readings each sample, the controller's side answers it with a current. After the
-    time-out in [watchdog] of its definition a side goes to the safe current given there. Ctrl-C ends the run with the
+    time-out in \\[watchdog] of its definition a side goes to the safe current given there. Ctrl-C ends the run with the
     summary. Exit status 1: a safe output acted.
 
     Examples: ehsa-ctrl serve --controller pid_position --port 47400 ·

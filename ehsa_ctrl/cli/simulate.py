@@ -24,7 +24,7 @@ def command(
             "--input",
             metavar="CSV",
             help="Input to apply: columns t (s), current (A); for another machine the channels that drive it, found by "
-            "name or by the plant's [log] table.",
+            "name or by the plant's \\[log] table.",
         ),
     ] = None,
     excitation: Annotated[

@@ -41,6 +41,20 @@ def test_help_explains_every_command_with_an_example(run):
         assert f"ehsa-ctrl {command}" in " ".join(text.split())
 
 
+@pytest.mark.parametrize(
+    ("command", "table"),
+    [
+        ("serve", "[watchdog]"), ("diagnose", "[log.controller]"), ("learn", "[reference]"), ("convert", "[log]"),
+        ("simulate", "[log]"), ("design", "[weights]"),
+    ],
+)  # fmt: skip
+def test_help_names_tables_of_files(run, command, table):
+    """A table's brackets are no markup."""
+    status, text, _ = run(command, "--help")
+
+    assert status == 0 and table in text
+
+
 def test_the_module_is_the_command_and_tells_its_versions():
     """`python -m ehsa_ctrl --version` names the package and what results depend on."""
     call = [sys.executable, "-m", "ehsa_ctrl", "--version"]
