@@ -221,6 +221,7 @@ def test_what_an_own_problem_lacks_is_said(model):
         (lambda m: m.position, "scalar cost"),
         (lambda m: -cp.sum_squares(m.position), "is not convex"),
         (lambda m: cp.exp(m.position[0]), "is no quadratic programme"),
+        (lambda m: (m.cost, [m.current[0] == cp.Variable(integer=True)]), "has an integer or boolean variable"),
         (lambda m: m.cost * cp.Parameter(nonneg=True, name="q"), "has the parameter q of its own"),
         (lambda m: cp.sum(cp.multiply(m.reference, m.position)), "multiplied by another one that changes"),
         (lambda m: (m.cost, [m.position >= 1.0]), "has no solution at rest"),

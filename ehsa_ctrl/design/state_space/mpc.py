@@ -339,18 +339,17 @@ class Mpc(WordsByUnit):
 
     def words(self, unit: str) -> str:
         """The law with the drive's unit."""
-        limits = [drive_limit(self.problem.current_limit, unit)]
+        horizon = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
         if self.own is not None:
-            samples = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
             size = f"{len(self.own.F)} unknowns, {len(self.own.G)} constraints"
-            return f"MPC over {samples} with a cost and constraints of your own ({size}) by {self.solver}, {limits[0]}"
+            return f"MPC over {horizon} with a cost and constraints of your own ({size}) by {self.solver}"
+        limits = [drive_limit(self.problem.current_limit, unit)]
         if self.problem.limits.current_rate is not None:
             limits.append(drive_limit(self.problem.limits.current_rate, unit, rate=True))
         units = {"speed": "rad/s", "pressure": "Pa", "position": "m"}
         limits += [
             f"|{signal}| <= {limit:g} {units[signal]} (soft)" for signal, limit in self.problem.limits.soft.items()
         ]
-        horizon = f"{self.horizon} samples ({self.horizon * self.feedback.model.sample_time:g} s)"
         return f"MPC over {horizon} by {self.solver}, {', '.join(limits)}; without them {self.feedback}"
 
 

@@ -92,6 +92,8 @@ def complete_problem(law: Mpc, terms: MpcTerms, state: Callable[[MpcTerms], Any]
         raise InputError(f"problem: {' '.join(str(error).split())}; expected a scalar cost") from None
     if not problem.is_dcp():
         raise InputError("problem: is not convex by cvxpy's rules; expected a convex cost and convex constraints")
+    if problem.is_mixed_integer():
+        raise InputError("problem: has an integer or boolean variable; expected continuous ones")
     if not problem.is_qp():
         raise InputError(
             "problem: is no quadratic programme; expected a cost of squares, absolute values and maxima, and "
