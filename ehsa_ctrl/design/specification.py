@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel
 
-from ..core.catalogue import controllers
+from ..core.catalogue import controllers, shipped
 from ..core.definition import validate
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
@@ -57,7 +57,7 @@ def starting_definition(kind: str, base: str | None = None) -> tuple[ControllerK
     Parameters
     ----------
     kind: a key of CONTROLLER_KINDS.
-    base: a controller's name or path; by default KIND_position, else the first of this kind in the catalogue.
+    base: a controller's name or path; by default that of `example_of`.
 
     Raises InputError for an unknown kind, a base of another kind, or a kind that the catalogue lacks.
     """
@@ -78,8 +78,9 @@ def starting_definition(kind: str, base: str | None = None) -> tuple[ControllerK
 
 
 def example_of(kind: str) -> Path | None:
-    """The controller KIND_position of the catalogue, else the first of this kind; None where there is none."""
-    for name in sorted(controllers, key=lambda name: name != f"{kind}_position"):
+    """The controller KIND_position of the catalogue, else a shipped one of this kind, else any; None without one."""
+    own = set(controllers) - set(shipped("controllers"))
+    for name in sorted(controllers, key=lambda name: (name != f"{kind}_position", name in own, name)):
         if read_toml(controllers[name]).get("kind") == kind:
             return controllers[name]
     return None

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 #: Largest number of trials, a limit on time.
 MOST_TRIALS = 1000
+#: RMS error of the last trial over that of the best one from which on the error counts as growing. Engineering
+#: judgement: noise and single slips alone change it by less.
+GROWN = 1.5
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,8 @@ class LearntReference(Result):
     scenario, controller: names. learning: filter, gain and convergence.
     trials: in their order; the first has no correction. time: (N,) s.
     reference: (N, 3) position [m], velocity, acceleration of the scenario.
-    correction: (N,) m, of the last trial; the best one may be an earlier one.
-    errors: trial -> error (N,) [m], of the first and the last one. plant: that was simulated. files: input files.
+    correction: (N,) m, of the best trial.
+    errors: trial -> error (N,) [m], of the first and the best one. plant: that was simulated. files: input files.
     """
 
     scenario: str
@@ -67,6 +70,16 @@ class LearntReference(Result):
     errors: dict[int, np.ndarray]
     plant: Plant
     files: tuple[Path, ...] = ()
+
+    @property
+    def best(self) -> Trial:
+        """The trial with the smallest RMS error."""
+        return min(self.trials, key=lambda one: one.rms)
+
+    @property
+    def grows(self) -> bool:
+        """Whether the error of the last trial is clearly larger than that of the best one."""
+        return self.trials[-1].rms > GROWN * self.best.rms
 
     def trajectory(self) -> pandas.DataFrame:
         """The corrected reference with the columns of a trajectory file: t, position, velocity, acceleration."""
@@ -87,11 +100,11 @@ class LearntReference(Result):
         return as_dict(
             self, "scenario controller trials", gain=self.learning.gain, lead=self.learning.lead,
             cutoff=self.learning.cutoff, contraction=self.learning.contraction, contraction_at=self.learning.at,
-            words=str(self.learning), provenance=versions(),
+            best=self.best.number, grows=self.grows, words=str(self.learning), provenance=versions(),
         )  # fmt: skip
 
     def plot(self) -> Figure:
-        """RMS error over the trials; error of the first and the last one over time."""
+        """RMS error over the trials; error of the first and the best one over time."""
         return draw(self)
 
     def __str__(self) -> str:
@@ -100,6 +113,12 @@ class LearntReference(Result):
             f"  {one.number:5d}  {1e6 * one.rms:6.1f} um  {1e6 * one.largest:6.0f} um  {one.current:.3f} A"
             for one in self.trials
         ]
+        lines.append(f"  the reference is that of trial {self.best.number}, the best one")
+        if self.grows:
+            lines.append(
+                "  the error grows again: the linear loop converges, but friction or a limit does not let this one; "
+                "lower the gain or the cutoff, or give a deadband"
+            )
         return "\n".join(lines)
 
 
@@ -131,7 +150,8 @@ def learn_reference(
 
     Returns
     -------
-    The trials and the learnt reference; `trajectory()` is a table for a scenario with [reference] kind = "file".
+    The trials and the reference of the best one; `trajectory()` is a table for a scenario with [reference] kind =
+    "file".
 
     Raises
     ------
@@ -155,7 +175,8 @@ def learn_reference(
     learning = design_learning(case.model, case.controller, gain=gain, cutoff=cutoff, lead=lead)
     found: list[Trial] = []
     errors: dict[int, np.ndarray] = {}
-    correction = np.zeros(0)
+    correction = best = np.zeros(0)
+    least = np.inf
     for number in range(trials + 1):
         loop = case.simulate(case.nonlinear, definition.sensors.seed + number, correction)
         run = loop.trajectory
@@ -167,8 +188,9 @@ def learn_reference(
         current = float(np.sqrt(np.mean(run.current**2)))
         sizes = float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
         found.append(Trial(number, *sizes, current, float(np.max(np.abs(correction)))))
-        if number in (0, trials):
-            errors[number] = error
+        if number == 0 or sizes[0] < least:
+            least, best = sizes[0], correction
+            errors = {0: errors.get(0, error), number: error}
         if number < trials:
             measured = rows[:, 0] - loop.measured[:, MEASURED.index("position")]
             # A lost reading teaches nothing.
@@ -181,7 +203,7 @@ def learn_reference(
         trials=tuple(found),
         time=run.time,
         reference=rows[:, :3],
-        correction=correction,
+        correction=best,
         errors=errors,
         plant=run.plant,
         files=case.files,

@@ -249,3 +249,26 @@ def test_tune_of_a_kind_without_tuned_keys_is_one_sentence(run):
     status, _, err = run("design", "ehsa", "--kind", "force", "--tune")
 
     assert status == 2 and "a force has no keys that are tuned" in err
+
+
+def test_a_design_starts_from_a_shipped_controller(run):
+    """Not from the project's first one of that kind; a file with the shipped one's name takes its place."""
+    Path("controllers").mkdir()
+    shipped = starting_definition("sliding_mode")[1].read_text()
+    Path("controllers/a_first.toml").write_text(shipped.replace("30 rad/s", "20 rad/s"))
+
+    assert starting_definition("sliding_mode")[1].name == "sliding_friction.toml"
+    assert starting_definition("sliding_mode", "a_first")[1].name == "a_first.toml"
+    Path("controllers/sliding_friction.toml").write_text(shipped)
+    assert starting_definition("sliding_mode")[1].resolve() == Path("controllers/sliding_friction.toml").resolve()
+
+
+def test_keys_of_a_base_are_set_by_their_table(run):
+    """--spec base.TABLE.KEY; a base's own message names such a key."""
+    line = ("design", "ehsa", "--kind", "repetitive", "-o", "mine.toml", "--spec")
+
+    assert run(*line, "base.speed.crossover=100 rad/s")[0] == 0
+    assert tomllib.loads(Path("mine.toml").read_text())["base"]["speed"]["crossover"] == "100 rad/s"
+    assert "[base]: foo: unknown key" in run(*line, "base.foo=3", "--force")[2]
+    emps = ("design", "emps", "--kind", "repetitive", "--current-limit", "150 N")
+    assert "--spec base.position.velocity_limit='0.5 m/s'" in run(*emps)[2]

@@ -35,6 +35,7 @@ def test_on_the_linear_plant_each_trial_contracts_as_theory_says(monkeypatch):
     lead = np.exp(1j * learning.lead * w * 0.004)
     expected = abs(1 - T * Q * learning.gain * lead * (1 + rho + rho**2))
     middle = slice(800, 1200)
+    assert found.best.number == 3 and not found.grows
     ratio = np.max(np.abs(found.errors[3][middle])) / np.max(np.abs(found.errors[0][middle]))
 
     assert ratio == pytest.approx(expected, rel=0.02)
@@ -47,6 +48,21 @@ def test_under_friction_a_press_cycle_is_learnt():
     assert found.trials[-1].rms < 0.35 * found.trials[0].rms
     assert len(found.to_pandas()) == 5
     assert np.allclose(found.trajectory()["position"], found.reference[:, 0] + found.correction)
+
+
+def test_the_reference_is_that_of_the_best_trial():
+    """Under a PID that lags, friction makes the error grow after a few trials, which is said."""
+    found = e.learn_reference("press_cycle", controller="pid_friction", trials=8)
+    best = found.trials[found.best.number]
+    assert found.grows and best.rms == min(one.rms for one in found.trials)
+
+    run = prepare("press_cycle", controller="pid_friction")
+    loop = run.simulate(run.nonlinear, run.scenario.definition.sensors.seed + best.number, found.correction)
+    error = found.reference[:, 0] - loop.trajectory["x"]
+
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(best.rms, rel=1e-9)
+    assert f"the reference is that of trial {best.number}" in str(found) and "the error grows again" in str(found)
+    assert set(found.errors) == {0, best.number}
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Figure of a learnt reference: error of the trials, and of the first and last one over time."""
+"""Figure of a learnt reference: error of the trials, and of the first and the best one over time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ._layout import XLABEL, sheet
 
 @draw.register
 def learning_figure(result: LearntReference) -> Figure:
-    """RMS and largest error [um] of each trial; error [mm] over time [s] of the first and the last one."""
+    """RMS and largest error [um] of each trial; error [mm] over time [s] of the first and the best one."""
     title = f"{result.scenario} with {result.controller}: {len(result.trials) - 1} corrections of the reference"
     with sheet(title, [["trials"], ["error"]], [1.5 * panel.PANEL, 1.5 * panel.PANEL], extra=2 * XLABEL) as (fig, axes):
         ax = axes["trials"]
