@@ -38,7 +38,8 @@ GROWN = 1.5
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: number from 0, error of the position [m] (RMS and largest), RMS current [A], largest correction [m]."""
+    """One run: number from 0, error of the position [m] (RMS and largest), RMS current [A] or other drive in its unit,
+    largest correction [m]."""
 
     number: int
     rms: float
@@ -108,9 +109,11 @@ class LearntReference(Result):
         return draw(self)
 
     def __str__(self) -> str:
-        lines = [f"{self.scenario} with {self.controller}: {self.learning}", "  trial  RMS error  largest  RMS current"]
+        unit = self.plant.structure.system.drive_unit
+        drive = "RMS current" if unit == "A" else "RMS drive"
+        lines = [f"{self.scenario} with {self.controller}: {self.learning}", f"  trial  RMS error  largest  {drive}"]
         lines += [
-            f"  {one.number:5d}  {1e6 * one.rms:6.1f} um  {1e6 * one.largest:6.0f} um  {one.current:.3f} A"
+            f"  {one.number:5d}  {1e6 * one.rms:6.1f} um  {1e6 * one.largest:6.0f} um  {one.current:.3f} {unit}"
             for one in self.trials
         ]
         lines.append(f"  the reference is that of trial {self.best.number}, the best one")

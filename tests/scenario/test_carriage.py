@@ -240,6 +240,16 @@ def test_a_repetitive_controller_learns_the_cycle_of_a_carriage(base):
     assert last < first / 3.0
 
 
+def test_a_carriage_learns_and_is_drawn_at_random():
+    """The other commands of a closed loop speak in N, too."""
+    learnt = ehsa_ctrl.learn_reference(SCENARIO, controller=CASCADE, trials=2)
+    campaign = ehsa_ctrl.monte_carlo(SCENARIO, controller=CASCADE, runs=4)
+
+    assert learnt.trials[2].rms < 0.6 * learnt.trials[0].rms
+    assert re.search(r"RMS drive\n.* \d+\.\d+ N\n", str(learnt)) and not re.search(r" A\b", str(learnt))
+    assert campaign.probability == 1.0 and {"M", "Fc", "Fv"} <= set(campaign.worst.parameters)
+
+
 def test_the_force_of_a_motion_is_that_of_the_balance():
     """A constant drive of preload + coulomb + viscous v ends at the speed v."""
     plant = ehsa_ctrl.load_plant("emps")
