@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import typing
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -211,6 +212,10 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
     match first["type"]:
         case "extra_forbidden":
             sentence = f"{place}: unknown key; {choices(key, _fields(kind, first['loc'][:-1]))}"
+        case "literal_error" if key == "[key]":
+            *tables, key = tables
+            known = re.findall(r"'(\w+)'", first["ctx"]["expected"])
+            sentence = f"[{'.'.join(tables)}] {key}: unknown key; {choices(key, known)}"
         case "missing":
             sentence = f"{place}: is missing"
         case "value_error":
