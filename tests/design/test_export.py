@@ -21,6 +21,7 @@ from ehsa_ctrl.design.export.deployment import embedded_controller
 from ehsa_ctrl.design.export.operations import CountedFloat
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import starting_definition
+from ehsa_ctrl.plant.conditions import linear_model
 
 CC = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="there is no C compiler here")
@@ -31,6 +32,20 @@ LAWS = sorted(
     {starting_definition(kind)[1].stem for kind in CONTROLLER_KINDS if kind not in ("mpc", "scheduled_mpc")}
     | {"lqi_position", "lqr_friction"}
 )
+
+SURFACE = {"kind": "sliding_mode", "sliding_mode": {"bandwidth": 30.0, "disturbance": 10.0}}
+LOOPS = {
+    "kind": "cascade",
+    "speed": {"crossover": 100.0, "phase_margin": 0.9},
+    "position": {"crossover": 20.0, "phase_margin": 0.9, "velocity_limit": 0.5},
+}
+#: Laws that take the rod's speed from the position, for a plant without a shaft.
+ROD_LAWS = {
+    "rod cascade": LOOPS,
+    "rod sliding mode": SURFACE,
+    "repetitive rod cascade": {"kind": "repetitive", "cycle": {"period": 2.0, "cutoff": 10.0}, "base": LOOPS},
+    "repetitive rod sliding mode": {"kind": "repetitive", "cycle": {"period": 2.0, "cutoff": 10.0}, "base": SURFACE},
+}
 
 
 def library(folder, *sources):
@@ -303,11 +318,14 @@ def step_of(folder, controller):
 
 @needs_compiler
 @pytest.mark.parametrize("stages", ["own", "all"])
-@pytest.mark.parametrize("name", [*LAWS, "PI of python-control"])
+@pytest.mark.parametrize("name", [*LAWS, *ROD_LAWS, "PI of python-control"])
 def test_c_is_python_to_the_bit(name, stages, system, tmp_path):
     """Current and memory of every sample, over random readings with losses, jumps, rests and saturation."""
     if name in LAWS:
         controller = load_controller(name, system)
+    elif name in ROD_LAWS:
+        law = {**ROD_LAWS[name], "sample_time": 0.004, "current_limit": 50.0}
+        controller = load_controller(law, linear_model(load_plant("emps", model="linear")))
     else:
         controller = load_controller(control.tf([12.0, 300.0, 900.0], [0.004, 1.0, 0.0]), current_limit=2.0)
     controller = full(controller) if stages == "all" else controller
@@ -440,7 +458,8 @@ def test_the_vector_is_what_python_gives(system):
 def test_texts_have_the_unit_of_the_drive(system, number):
     """A carriage is driven by a force."""
     for model, unit, other in ((system, "A", "N"), (load_plant("emps", model="linear"), "N", "A")):
-        found = export_controller(load_controller("pid_position", model), *readings(50), number=number)
+        controller = load_controller("pid_position", model, current_limit=f"6 {unit}")
+        found = export_controller(controller, *readings(50), number=number)
 
         assert f", tolerance {found.tolerance:g} {unit}" in str(found)
         for name, line in (
