@@ -228,7 +228,8 @@ def as_controller(value: Any, given: Given) -> Any:
             from .scenario.plant_data import own_controller
 
             return own_controller(value, plant, system)
-    _checked(system, _is(system, "StateSpace"))
+    if isinstance(value, str | os.PathLike | Mapping) or system is not None:
+        _checked(system, _is(system, "StateSpace"))
     if isinstance(value, str | os.PathLike):
         return load_controller(os.fspath(value), system, sample_time=period)
     # Without a plant there is no rating; the analysis of a linear law does not depend on its limit.

@@ -83,7 +83,7 @@ def load_controller(
           y.speed, y.p1, y.p2, y.position, y.force, the reference r.position, r.velocity, r.acceleration, SI units. Each
           run gets its own copy of the object.
     system: linear model with the current as first input and an output x, e.g. `three_state(plant)`; a definition is
-        designed on it, a law of your own does not need it.
+        designed on it, a law of your own takes the unit of the drive from it.
     sample_time: s, the plant's, for a definition without one and for a law of your own; 4 ms by default.
     method: "tustin", "zoh", "foh", "euler" or "backward".
     label: the controller's name in tables; by default that of the file, of the system or of the function.
@@ -110,8 +110,12 @@ def load_controller(
     else:
         label = label or name_of(name)
         content = {"schema": 1, "title": label, "kind": "own", **period, **keys}
-        file = validate(content, PositionControllerFile, f"controller {label}", context={"si": True})
-        return SampledController(label, "own", law=law_of(name, label, file, method), **_shared(file))
+        unit = drive_unit_of(system) if system is not None else ""
+        file = validate(
+            content, PositionControllerFile, f"controller {label}", context={"si": True, "drive_unit": unit}
+        )
+        law = law_of(name, label, file, method)
+        return SampledController(label, "own", law=law, drive_unit=unit or "A", **_shared(file))
     if system is None:
         raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
     si = bool(keys) or isinstance(name, Mapping)

@@ -101,6 +101,12 @@ def own_controller(given: Any, plant: Plant, model: control.StateSpace) -> Sampl
         check_controller_limits("controller own", definition, plant)
         return build_controller("own", kind, definition, model)
     rated = ratings(plant).get("current")
+    if rated is None:
+        unit = plant.structure.system.drive_unit
+        raise InputError(
+            f"{plant.name}: its [limits] tell no largest drive for a law of your own; give it, "
+            f"load_controller(law, current_limit='100 {unit}')"
+        )
     limit: dict[str, Any] = {} if rated is None else {"current_limit": rated.value}
     return load_controller(given, model, sample_time=plant.sample_time, **limit)
 

@@ -250,6 +250,23 @@ def test_a_carriage_learns_and_is_drawn_at_random():
     assert campaign.probability == 1.0 and {"M", "Fc", "Fv"} <= set(campaign.worst.parameters)
 
 
+def test_a_law_of_ones_own_drives_a_carriage():
+    """It states its largest force; with a linear model its text has the unit of the drive, and A is refused."""
+    import control
+
+    model = linear_model(ehsa_ctrl.load_plant("emps", model="linear"))
+    lead = control.tf([3000.0, 4e4], [0.003, 1.0], name="lead")
+    law = ehsa_ctrl.load_controller(lead, model, sample_time=1e-3, current_limit="150 N")
+
+    assert ehsa_ctrl.run(SCENARIO, controller=law).passed is False
+    assert "|F_M| <= 150 N" in str(law)
+    assert ehsa_ctrl.robust_margins({"nominal": model}, lead).stable
+    with pytest.raises(InputError, match="'6 A' is for a drive in A, but"):
+        ehsa_ctrl.load_controller(lead, model, sample_time=1e-3, current_limit="6 A")
+    with pytest.raises(InputError, match=r"no largest drive for a law of your own; give it, .*current_limit='100 N'"):
+        ehsa_ctrl.run(SCENARIO, controller=lambda t, y, r: 0.0)
+
+
 def test_the_force_of_a_motion_is_that_of_the_balance():
     """A constant drive of preload + coulomb + viscous v ends at the speed v."""
     plant = ehsa_ctrl.load_plant("emps")
