@@ -120,7 +120,11 @@ class Rest(Definition):
     release: Metre | None = Field(
         default=None, description="position error at which control resumes; by default 1.5 times the band"
     )
-    speed: RadianPerSecond = Field(default=1.2, gt=0, description="shaft speed below which the rod counts as at rest")
+    speed: RadianPerSecond = Field(
+        default=1.2,
+        gt=0,
+        description="shaft speed below which the rod counts as at rest; without effect where the plant has no shaft",
+    )
     filter_time: Second = Field(default=0.02, ge=0, description="time constant of the filter on error and speed")
     patience: Second = Field(default=0.06, ge=0, description="waiting time after the end of the planned motion")
     forget: bool = Field(
