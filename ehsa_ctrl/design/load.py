@@ -32,12 +32,14 @@ def _shared(file: ControllerFile) -> dict[str, Any]:
     return {key: getattr(file, key) for key in SHARED if key in type(file).model_fields}
 
 
-def read_controller(path: Path, sample_time: float | None = None) -> tuple[ControllerKind, ControllerFile]:
+def read_controller(
+    path: Path, sample_time: float | None = None, drive_unit: str = ""
+) -> tuple[ControllerKind, ControllerFile]:
     """Read and validate a controller's TOML; sample_time [s] applies if the file states none.
 
-    Raises InputError with file and key.
+    drive_unit: as for `read_content`. Raises InputError with file and key.
     """
-    return read_content(read_toml(path), str(path), sample_time)
+    return read_content(read_toml(path), str(path), sample_time, drive_unit)
 
 
 def read_content(

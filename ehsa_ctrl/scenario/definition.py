@@ -16,7 +16,7 @@ from ..core.files import read_toml
 from ..core.result import Result
 from ..plant.file import LIMIT_UNITS
 from .baseline import BaselineTolerances
-from .disturbances import Fault, ForceStep, SensorSettings, SupervisionSettings
+from .disturbances import CurrentLimit, Fault, ForceStep, SensorSettings, SupervisionSettings
 from .metrics import METRICS
 from .reference import Reference
 from .uncertainty import Spread
@@ -229,6 +229,13 @@ class Scenario(Result):
             *([f"  set for this scenario: {settings}"] if settings else []),
             *(f"  {name} {METRICS[name].format_bounds(bound.min, bound.max)}" for name, bound in file.limits.items()),
         ])  # fmt: skip
+
+
+def require_drive_unit(scenario: Scenario, drive_unit: str) -> None:
+    """Raise InputError for a fault of the drive whose file states it in the unit of another plant's drive."""
+    if scenario.path is not None and any(isinstance(fault, CurrentLimit) for fault in scenario.definition.fault):
+        context = {"folder": scenario.path.parent, "drive_unit": drive_unit}
+        validate(read_toml(scenario.path), ScenarioFile, str(scenario.path), context)
 
 
 def load_scenario(name: str | Path | Mapping[str, Any], *, label: str = "", **keys: Any) -> Scenario:

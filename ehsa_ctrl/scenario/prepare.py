@@ -26,7 +26,7 @@ from ..plant.plant import Model, Plant
 from ..simulation.closed_loop import ClosedLoop, run_closed_loop
 from ..simulation.sensors import Sensors
 from .baseline_file import baseline_files, read_baseline
-from .definition import Scenario, load_scenario
+from .definition import Scenario, load_scenario, require_drive_unit
 from .disturbances import faults_of
 from .log_controller import log_controller
 from .metrics import METRICS, loop_metrics
@@ -161,7 +161,7 @@ def prepare(
             raise InputError(f"{file}: {reason}; scenarios are for plants whose drive a controller computes")
         base = base or load_plant(file, model="linear")
         nominal = nominal or load_plant(file, model="nonlinear")
-        model = linear_model(base)
+        model, unit = linear_model(base), nominal.structure.system.drive_unit
         law: Controller
         controller_file = None
         if controller is None or isinstance(controller, str | Path):
@@ -169,7 +169,8 @@ def prepare(
                 raise InputError("names no controller; give one, run(scenario, controller=...)")
             named = controllers.find(controller) if controller else None
             controller_file = named or controllers.find(definition.controller, beside=beside)
-            check_controller_limits(controller_file, read_controller(controller_file, base.sample_time)[1], nominal)
+            read = read_controller(controller_file, base.sample_time, unit)[1]
+            check_controller_limits(controller_file, read, nominal)
             law = load_controller(controller_file, model, sample_time=base.sample_time)
         elif isinstance(controller, Controller):
             law = controller
@@ -180,6 +181,7 @@ def prepare(
         linear, nonlinear = with_settings(base, shared), with_settings(nominal, definition.all_settings)
     except InputError as error:
         raise InputError(f"{loaded.path or loaded.name}: {error}") from None
+    require_drive_unit(loaded, unit)
     _check_length(loaded, law)
     _check_force(loaded, law)
     if definition.supervision is not None and isinstance(law, SampledController):
@@ -261,7 +263,8 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
     if "kind" in content:
         loaded = load_plant(plant or _plant_with_drive(content.get("current_limit")), model="linear")
         if plant is not None:
-            check_controller_limits(path, read_controller(path, loaded.sample_time)[1], loaded)
+            read = read_controller(path, loaded.sample_time, loaded.structure.system.drive_unit)[1]
+            check_controller_limits(path, read, loaded)
         load_controller(path, linear_model(loaded), sample_time=loaded.sample_time)
         return "controller"
     if "why" in content or "reference" in content:

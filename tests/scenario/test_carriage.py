@@ -316,6 +316,25 @@ def test_a_number_in_amperes_is_refused_for_a_drive_in_newtons(change, sentence)
         ehsa_ctrl.load_controller({**PID, "current_limit": "150 N"}, ehsa_ctrl.three_state("ehsa"))
 
 
+def test_files_of_a_carriage_have_newtons(tmp_path):
+    """A controller's limit is no rating of the EHSA in A, and a fault of the drive is in the drive's unit."""
+    text = (
+        'schema = 1\ntitle = "Move"\nwhy = "Test."\nplant = "emps"\ncontroller = "carriage.toml"\nduration = "1 s"\n'
+        '[reference]\nkind = "steps"\ntimes = ["0.2 s"]\npositions = ["20 mm"]\n'
+        '[[fault]]\nkind = "current_limit"\ncurrent = "50 N"\nstart = "0.5 s"\n'
+    )
+    head = 'schema = 1\ntitle = "PID"\nkind = "pid"\nsample_time = "1 ms"\ncurrent_limit = "150 N"\n'
+    (tmp_path / "carriage.toml").write_text(head + '[design]\ncrossover = "35 rad/s"\nphase_margin = "60 deg"\n')
+    (tmp_path / "good.toml").write_text(text)
+    (tmp_path / "wrong.toml").write_text(text.replace("50 N", "3 A"))
+
+    assert np.max(np.abs(ehsa_ctrl.run(tmp_path / "good.toml").nonlinear.trajectory["F_M"][-400:])) <= 50.0
+    with pytest.raises(InputError, match="'3 A' is for a drive in A, but the drive of this plant is in N"):
+        ehsa_ctrl.run(tmp_path / "wrong.toml")
+    with pytest.raises(InputError, match="'150 N' is for a drive in N, but the drive of this plant is in A"):
+        ehsa_ctrl.run("steps_spring", controller=tmp_path / "carriage.toml")
+
+
 def test_a_controller_in_newtons_is_checked_on_the_carriage(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     line = ["design", "emps", "--kind", "sliding_mode", "--current-limit", "150 N", "-o", "found.toml"]
