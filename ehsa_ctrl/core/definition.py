@@ -92,9 +92,13 @@ class InDrive(In):
             with suppress(InputError):
                 number = self._read(text, self.unit_with(drive_unit))
                 if given and drive_unit != given:
-                    raise ValueError(
-                        f"{shown(text)} is for a drive in {drive_unit}, but the drive of this plant is in {given}; "
-                        f"write it in {self.unit_with(given)}, or take a controller for this plant"
+                    from pydantic_core import PydanticCustomError
+
+                    raise PydanticCustomError(
+                        OTHER_DRIVE,
+                        "the drive of this plant is in {drive}; write it in {unit}, or take a controller for this "
+                        "plant",
+                        {"drive": given, "unit": self.unit_with(given)},
                     )
                 return number
         return super()._number(text, info)
@@ -102,6 +106,8 @@ class InDrive(In):
 
 #: SI units that the drive of a plant may have: a current, or a force or voltage of a system that has such a drive.
 DRIVE_UNITS = ("A", "N", "V")
+#: Type of a validation error: a quantity in the unit of another plant's drive.
+OTHER_DRIVE = "other_drive"
 #: Tuples: TOML only has arrays, which strict validation would reject for a tuple.
 Array = Strict(False)
 #: A number that may be infinite, e.g. a limit that is never reached.
@@ -216,6 +222,8 @@ def _sentence(error: ValidationError, kind: type[BaseModel]) -> str:
             *tables, key = tables
             known = re.findall(r"'(\w+)'", first["ctx"]["expected"])
             sentence = f"[{'.'.join(tables)}] {key}: unknown key; {choices(key, known)}"
+        case _ if first["type"] == OTHER_DRIVE:
+            sentence = f"{place} = {_got(first['input'])}, but {first['msg']}"
         case "missing":
             sentence = f"{place}: is missing"
         case "value_error":
