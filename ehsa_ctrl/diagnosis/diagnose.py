@@ -22,7 +22,7 @@ from ..core.text import join_words
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
 from ..simulation.trajectory import versions
-from .absorbed_parameters import with_absorbed_parameters
+from .absorbed_parameters import with_absorbed_parameters, with_determined_parameters
 from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
 from .explanation import Explanation, claimable_part, explain, only_parameters
@@ -57,7 +57,7 @@ from .refit import refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
-from .sizes import with_sizes
+from .sizes import of_causes, with_sizes
 from .stretch import search_segment
 from .together import joint_location
 from .validation_segment import windows_of
@@ -157,6 +157,8 @@ def diagnose(
     pool.progress.report("sizes", 0.0)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
     selection, sd = with_sizes(selection, scoring, pool.jobs)
+    selection = with_determined_parameters(selection, sd, scoring)
+    sd = of_causes(selection, scoring, sd)
     pool.progress.report("place of the gap", 1.0)
     nominal_refit = refit_nominal(objective, sensitivities, 1.0 if lumped else REFIT_PRIOR_FACTOR)
     known = [*superseded, *scores]
@@ -267,6 +269,7 @@ def _diagnose_selection(
     improved, explanation = explained(selection, sd)
     if explanation.verdict == "outside_catalogue" and (part := claimable_part(selection, reference)) is not None:
         selection, sd = with_sizes(part, scoring, hypotheses.pool.jobs)
+        sd = of_causes(selection, scoring, sd)
         improved, explanation = explained(selection, sd)
         explanation = replace(explanation, verdict="partly")
     chosen = selection.chosen

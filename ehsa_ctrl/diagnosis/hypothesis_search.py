@@ -35,6 +35,9 @@ N_STARTS, N_ADDED_STARTS = 4, 2
 MIN_GAIN, MIN_GAIN_SHARE = 3.0, 0.004
 #: Hypotheses up to so many times the lowest cost are refitted over windows: that has lowered costs by up to 15 %.
 NEAR_BEST = 1.5
+#: Hypotheses that are compared are refitted until a step lowers the cost by less than this, which is small against
+#: `model_selection.MARGIN`; the chosen one is refitted further.
+COMPARED = 0.5
 #: Smallest predicted gain of a candidate that is added to a set.
 MIN_ADDED_GAIN = 2.0
 #: Sets of three are tried if the best pair costs less than this ratio of the best single effect, and the typical block
@@ -112,20 +115,24 @@ class Hypotheses:
     def with_converged_refits(self, tasks: Sequence[Task], stage: str, windows: Segment | None = None) -> Hypotheses:
         """Refit hypotheses from given values until their costs no longer fall.
 
-        windows: training data in short windows, for those that come near the best of them, see `refit_by_windows`.
+        windows: training data in short windows, for those near the best of them that leave more than noise, see
+        `refit_by_windows`.
         """
 
         def work(task: Task) -> HypothesisFit | None:
-            return refit_until_converged(self.objective, task.candidates, task.start)
+            return refit_until_converged(self.objective, task.candidates, task.start, tolerance=COMPARED)
 
         fits = self.pool.map(stage, work, tasks)
         found = self.with_fits(fits)
         if windows is None or not any(fits):
             return found
         limit = NEAR_BEST * min(fit.cost for fit in fits if fit is not None)
-        near = [(task, fit) for task, fit in zip(tasks, fits, strict=True) if fit is not None and fit.cost <= limit]
+        pairs = [(task, fit) for task, fit in zip(tasks, fits, strict=True) if fit is not None and fit.cost <= limit]
+        near = [(task, fit) for task, fit in pairs if not self.objective.at_noise(fit.residual)]
         return found.with_fits(
-            self.pool.map(stage, lambda pair: refit_by_windows(self.objective, windows, pair[0].start, pair[1]), near)
+            self.pool.map(
+                stage, lambda pair: refit_by_windows(self.objective, windows, pair[0].start, pair[1], COMPARED), near
+            )
         )
 
     def with_fits(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:
@@ -142,6 +149,20 @@ class Hypotheses:
         """The best fits of the hypotheses of tasks, without those that could not be simulated."""
         keys = (hypothesis_key(task.candidates) for task in tasks)
         return [self.fits[key] for key in keys if key in self.fits]
+
+    def with_nested_refits(self, tasks: Sequence[Task], stage: str) -> Hypotheses:
+        """Refit hypotheses that fit worse than one with a part of their effects, from the values of that one.
+
+        A hypothesis contains those with fewer effects, so that it has not reached its optimum.
+        """
+        again = []
+        for fit in self.fits_of(tasks):
+            own = {(c.key, c.names) for c in fit.candidates}
+            parts = [f for f in self.fits.values() if {(c.key, c.names) for c in f.candidates} < own]
+            best = min(parts, key=lambda part: part.cost, default=fit)
+            if best.cost < fit.cost - COMPARED:
+                again.append(Task(fit.candidates, best.values))
+        return self.with_converged_refits(again, stage) if again else self
 
     def refine(self, fits: Sequence[HypothesisFit], steps: int = 6) -> Hypotheses:
         """Continue fits with a new Jacobian, except for those that would not change."""

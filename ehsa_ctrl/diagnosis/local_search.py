@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..physics.effects import CandidateEffect
-from .hypothesis_model import Setting
 from .hypothesis_search import (
     MIN_ADDED_GAIN,
     MIN_GAIN,
@@ -54,6 +52,7 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
     if not found.fits:
         return []
     found = found.with_level_of(found.best()[0])
+    screening = screen(found, _best(found).values)
     moved: set[Key] = set()
     for _ in range(ROUNDS):
         base = _best(found)
@@ -61,17 +60,16 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
         if key in moved:
             break
         moved.add(key)
-        found = _round(found, base)
+        found = _round(found, screening, base)
     size = len(_best(found).candidates)
     best = [fit for near in (size, size - 1, size + 1) if near > 0 for fit in found.best(near)[:PROPOSED]]
     return distinct_tasks(Task(fit.candidates, fit.values) for fit in best)
 
 
-def _round(found: Hypotheses, base: HypothesisFit) -> Hypotheses:
+def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypotheses:
     """All moves from a base."""
-    screening = screen(found, base.values)
     reduced = [
-        Task(tuple(c for c in base.candidates if c is not left_out), _without(base, left_out), base)
+        Task(tuple(c for c in base.candidates if c is not left_out), base.without(left_out, found.objective), base)
         for left_out in base.candidates
         if len(base.candidates) > 1
     ]
@@ -98,10 +96,6 @@ def _additions(found: Hypotheses, screening: Screening, fit: HypothesisFit, coun
         seen.add(response.candidate.key)
         tasks.append(Task((*fit.candidates, response.candidate), start_values(response, step, fit.values), fit))
     return tasks
-
-
-def _without(fit: HypothesisFit, left_out: CandidateEffect) -> Setting:
-    return {name: value for name, value in fit.values.items() if name not in left_out.names}
 
 
 def _price(found: Hypotheses, fit: HypothesisFit) -> float:

@@ -37,8 +37,7 @@ def prune(
         tasks = []
         for left_out in members:
             rest = tuple(c for c in members if c is not left_out)
-            start = {n: v for n, v in chosen.fit.values.items() if n not in left_out.names}
-            tasks.append(Task(rest, start, chosen.fit))
+            tasks.append(Task(rest, chosen.fit.without(left_out, hypotheses.objective), chosen.fit))
         tasks = [task for task in tasks if hypothesis_key(task.candidates) not in hypotheses.fits]
         if not tasks:
             break

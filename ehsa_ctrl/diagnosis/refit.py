@@ -15,7 +15,7 @@ from .records import Segment
 
 #: A thorough fit renews its Jacobian at most so often, and takes so many steps with each.
 MOST_ROUNDS, STEPS_A_ROUND = 6, 3
-#: A fit has converged when a step lowers the cost by less than this; it is small against `model_selection.MARGIN`.
+#: A fit has converged when a step lowers the cost by less than this.
 CONVERGED = 0.05
 
 
@@ -64,6 +64,25 @@ class HypothesisFit:
         prior = np.arange(self.n_effect, len(self.free))
         information[prior, prior] += 1.0
         return np.asarray(information)
+
+    def without(self, candidate: CandidateEffect, objective: Objective) -> dict[str, float]:
+        """Start values of the hypothesis without one of its effects: a linear model expects the optimum there.
+
+        The other numbers have made up for this effect, and move with it. It goes by its first number, which is neutral
+        then, or by all of its nominal parameters, which return to their nominal values.
+        """
+        left = [n for n in candidate.names if n in objective.nominal.names] or [candidate.names[0]]
+        places = [i for i, f in enumerate(self.free) if f.name in left and not f.fixed and np.isfinite(f.nominal)]
+        values = {name: value for name, value in self.values.items() if name not in candidate.names}
+        if not places:
+            return values
+        covariance = covariance_of(self.information(objective))
+        back = np.array([(self.free[i].nominal - self.values[self.free[i].name]) / self.free[i].scale for i in places])
+        moved = covariance[:, places] @ np.linalg.lstsq(covariance[np.ix_(places, places)], back, rcond=1e-9)[0]
+        for f, z in zip(self.free, moved, strict=True):
+            if f.name in values and not f.fixed:
+                values[f.name] = float(np.clip(self.values[f.name] + z * f.scale, f.lower, f.upper))
+        return values
 
     def with_level_of(self, objective: Objective) -> HypothesisFit:
         """The same fit with its cost under an objective with another level."""
@@ -130,7 +149,15 @@ class _HypothesisProblem:
         return G, g
 
     def fit(
-        self, x: np.ndarray, r: np.ndarray, J: np.ndarray, steps: int, renew_after: int = 0, *, exact: bool = False
+        self,
+        x: np.ndarray,
+        r: np.ndarray,
+        J: np.ndarray,
+        steps: int,
+        renew_after: int = 0,
+        *,
+        exact: bool = False,
+        tolerance: float = CONVERGED,
     ) -> HypothesisFit:
         """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
         fixed = [i for i, number in enumerate(self.free) if number.fixed]
@@ -168,9 +195,9 @@ class _HypothesisProblem:
                 exact = renewed = True
                 damping = 1e-2
                 continue
-            if not gained or drop < CONVERGED:
+            if not gained or drop < tolerance:
                 break
-        settled = settled and (not gained or drop < CONVERGED)
+        settled = settled and (not gained or drop < tolerance)
         return HypothesisFit(self.candidates, self.setting(x), cost, r, J, self.free, settled)
 
 
@@ -182,11 +209,13 @@ def refit(
     *,
     steps: int = 6,
     renew_after: int = 0,
+    tolerance: float = CONVERGED,
 ) -> HypothesisFit | None:
     """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
     sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. renew_after: number
-    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not).
+    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not). tolerance: a step that
+    lowers the cost by less is the last one.
 
     Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
     Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
@@ -201,17 +230,18 @@ def refit(
     for i, name in enumerate(problem.names):
         if name in sensitivities:
             J[:, i] = sensitivities[name] * problem.scale[i]
-    problem.differentiate([i for i, name in enumerate(problem.names) if name not in sensitivities], x, r, J)
-    return problem.fit(x, r, J, steps, renew_after)
+    missing = [i for i, name in enumerate(problem.names) if name not in sensitivities]
+    problem.differentiate(missing, x, r, J)
+    return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free), tolerance=tolerance)
 
 
-def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFit:
+def refine(objective: Objective, fit: HypothesisFit, steps: int, tolerance: float = CONVERGED) -> HypothesisFit:
     """Continue a fit with a new Jacobian."""
     problem = _HypothesisProblem(objective, fit.candidates)
     x = np.array([fit.values[name] for name in problem.names])
     J = np.empty_like(fit.jacobian)
     problem.differentiate(range(len(problem.free)), x, fit.residual, J)
-    return problem.fit(x, fit.residual, J, steps, exact=True)
+    return problem.fit(x, fit.residual, J, steps, exact=True, tolerance=tolerance)
 
 
 def refit_until_converged(
@@ -219,22 +249,25 @@ def refit_until_converged(
     candidates: Sequence[CandidateEffect],
     start: Setting,
     sensitivities: Mapping[str, np.ndarray] | None = None,
+    tolerance: float = CONVERGED,
 ) -> HypothesisFit | None:
     """A fit from `start` until its cost no longer falls with a new Jacobian; None if the start can't be simulated.
 
     sensitivities: of a fit nearby, see `refit`.
     """
-    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND)
+    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND, tolerance=tolerance)
     for _ in range(MOST_ROUNDS):
         if fit is None or fit.settled:
             break
-        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND)
-        if fit.cost > before - CONVERGED:
+        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND, tolerance)
+        if fit.cost > before - tolerance:
             break
     return fit
 
 
-def refit_by_windows(objective: Objective, windows: Segment, start: Setting, fit: HypothesisFit) -> HypothesisFit:
+def refit_by_windows(
+    objective: Objective, windows: Segment, start: Setting, fit: HypothesisFit, tolerance: float = CONVERGED
+) -> HypothesisFit:
     """The better of a converged fit and of one from where a fit over short windows leads.
 
     The cost of a long free run is a rough function of the parameters where the rod sticks and slips: a slip that comes
@@ -243,10 +276,11 @@ def refit_by_windows(objective: Objective, windows: Segment, start: Setting, fit
 
     windows: training data in short windows. start: of the fit over them.
     """
-    over_windows = refit_until_converged(replace(objective, segment=windows), fit.candidates, start)
+    smooth = replace(objective, segment=windows)
+    over_windows = refit_until_converged(smooth, fit.candidates, start, tolerance=tolerance)
     if over_windows is None:
         return fit
-    again = refit_until_converged(objective, fit.candidates, over_windows.values, fit.sensitivities)
+    again = refit_until_converged(objective, fit.candidates, over_windows.values, fit.sensitivities, tolerance)
     return fit if again is None else min(fit, again, key=lambda one: one.cost)
 
 

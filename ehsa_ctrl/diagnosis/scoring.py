@@ -45,7 +45,7 @@ MAX_LAG = 1.0
 N_SCORED = 10
 #: Best sets of causes that are refitted with exactly their causes free.
 N_EXACT = 6
-#: Best of these from which a local search starts.
+#: Best sets from which a local search starts.
 N_BASES = 2
 #: Hypotheses whose deviance is within this share of the nominal one's from the best are refined and scored again; at
 #: most so many.
@@ -280,10 +280,12 @@ def score_hypotheses(
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
     hypotheses = hypotheses.with_converged_refits(exact, "sets of causes", windows)
+    hypotheses = hypotheses.with_nested_refits(exact, "sets of causes")
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
-    bases = [] if scoring.lumped else [one.fit for one in rank(found)[:N_BASES]]
-    near = neighbours(hypotheses, bases, searched or scoring.training)
+    bases = [] if scoring.lumped else _bases(rank(found), rank([*found, *refined]))
+    near = neighbours(hypotheses, [one.fit for one in bases], searched or scoring.training)
     hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
+    hypotheses = hypotheses.with_nested_refits([*exact, *near], "neighbouring sets")
     scores = score_best(hypotheses, refined)
     scored = {id(one.fit) for one in scores}
     unscored = [fit for fit in hypotheses.fits_of([*exact, *near]) if id(fit) not in scored]
@@ -295,6 +297,18 @@ def score_hypotheses(
             "parameters"
         )
     return hypotheses, scores, first
+
+
+def _bases(exact: Sequence[ScoredHypothesis], ranked: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    """The best exact sets, and the best set of all without the largest cause of the best one.
+
+    That cause may imitate another, and sets grown from it hold it all.
+    """
+    best = list(exact[:N_BASES])
+    if best and best[0].causes:
+        dominant = max(best[0].causes, key=lambda key: largest(best[0].own_gaps[key]))
+        best += [one for one in ranked if one.causes and dominant not in one.causes][:1]
+    return list({id(one.fit): one for one in best}.values())
 
 
 def exact_members(

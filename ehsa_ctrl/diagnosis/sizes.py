@@ -11,6 +11,7 @@ model of the fit is measured, and widens the standard deviations.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ MEDIAN = 0.6745
 
 
 def with_sizes(selection: Selection, scoring: Scoring, jobs: int = 1) -> tuple[Selection, dict[str, float]]:
-    """The selection with the final sizes of its causes, and the standard deviation of every parameter of these.
+    """The selection with the final sizes of its causes, and the standard deviation of every number that was refitted.
 
     If the final fit clearly leaves a larger gap on held-out data, the sizes stay, and their difference adds to the
     standard deviations. jobs: number of threads.
@@ -50,9 +51,15 @@ def with_sizes(selection: Selection, scoring: Scoring, jobs: int = 1) -> tuple[S
         selection = replace(selection, chosen=replace(refined, causes=chosen.causes, own_gaps=known))
     else:
         sd = {n: float(np.hypot(v, fit.values[n] - chosen.fit.values.get(n, fit.values[n]))) for n, v in sd.items()}
-    of_causes = {n for c in chosen.fit.candidates for n in c.names}
-    of_causes |= {n for n in sd if (scoring.ids.get(n), None) in chosen.causes}
-    return selection, {n: v for n, v in sd.items() if n in of_causes}
+    return selection, sd
+
+
+def of_causes(selection: Selection, scoring: Scoring, sd: Mapping[str, float]) -> dict[str, float]:
+    """Of standard deviations by name those of the numbers of the selected causes."""
+    chosen = selection.chosen
+    names = {n for c in chosen.fit.candidates for n in c.names}
+    names |= {n for n in sd if (scoring.ids.get(n), None) in chosen.causes}
+    return {n: v for n, v in sd.items() if n in names}
 
 
 def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, dict[str, float]]:

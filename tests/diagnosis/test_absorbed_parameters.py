@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.diagnosis.absorbed_parameters import with_absorbed_parameters
+from ehsa_ctrl.diagnosis.absorbed_parameters import CLEARLY, with_absorbed_parameters, with_determined_parameters
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
 from ehsa_ctrl.diagnosis.model_selection import Reference, selection_of
@@ -89,3 +89,35 @@ def test_another_set_that_hides_nothing_takes_the_place(two_wrong):
 
     assert poor.deviance > right.deviance
     assert set(named(two_wrong, poor, right)) == {"rod_viscous_friction", "payload_mass"}
+
+
+def determined(problem, distance, change=1.8):
+    """Selection of a wrong mass beside a viscous friction that lies so many standard deviations off."""
+    hypotheses, scoring, reference = problem
+    found = hypothesis(hypotheses, scoring, ["payload_mass"], {"M": RIG["M"], "Fv": change * RIG["Fv"]})
+    found = replace(found, fit=replace(found.fit, values={**found.fit.values, "Fv": RIG["Fv"]}))
+    sd = {"Fv": (change - 1.0) * RIG["Fv"] / distance, "M": 0.01 * RIG["M"]}
+    return with_determined_parameters(selection_of(found, [found], reference), sd, scoring)
+
+
+def test_a_parameter_with_clearly_another_value_is_named(two_wrong):
+    """Its difference makes a gap, and is many standard deviations."""
+    after = determined(two_wrong, CLEARLY + 5.0)
+
+    assert [id for id, _ in after.chosen.causes] == ["payload_mass", "rod_viscous_friction"]
+    assert 0.5 < after.probability["rod_viscous_friction", None] <= after.probability["payload_mass", None]
+    assert max(after.chosen.own_gaps["rod_viscous_friction", None].values()) > THRESHOLD
+
+
+def test_an_uncertain_parameter_is_not_named(two_wrong):
+    """As large a difference, within what the log leaves open."""
+    after = determined(two_wrong, CLEARLY - 0.5)
+
+    assert [id for id, _ in after.chosen.causes] == ["payload_mass"]
+
+
+def test_a_difference_that_makes_no_gap_is_not_named():
+    """However well the log tells it."""
+    after = determined(prepared(M=1.4 * RIG["M"], Fv=1.01 * RIG["Fv"]), 30.0, 1.01)
+
+    assert [id for id, _ in after.chosen.causes] == ["payload_mass"]
