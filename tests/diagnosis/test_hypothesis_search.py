@@ -87,6 +87,22 @@ def test_a_set_fits_no_worse_than_a_part_of_it(hypotheses):
     assert after.with_nested_refits(tasks, "sets") is after
 
 
+def test_an_effect_that_is_neutral_at_infinity_starts_where_it_was(hypotheses):
+    """A stop beyond the stroke beside a wrong mass, whose own refit has found the right one."""
+    (mass,) = members(hypotheses, "payload_mass")
+    stop = next(c for c in hypotheses.candidates if c.id == "end_stop" and not np.isfinite(c.free[0].nominal))
+    beyond = dict(zip(stop.names, stop.starts[0], strict=True)) | {stop.free[0].name: 10.0}
+    part = refit_until_converged(hypotheses.objective, (mass,), {})
+    stuck = refit(hypotheses.objective, (mass, stop), {**beyond, "M": 2.0 * RIG["M"]}, {}, steps=0)
+    tasks = [Task((mass, stop), {})]
+
+    after = hypotheses.with_fits([part, stuck]).with_nested_refits(tasks, "sets")
+
+    (fit,) = after.fits_of(tasks)
+    assert fit.cost < part.cost + 0.5
+    assert np.isfinite(list(fit.values.values())).all()
+
+
 def test_a_local_search_also_starts_without_the_largest_cause():
     """All the best sets may hold one cause that imitates another."""
 
