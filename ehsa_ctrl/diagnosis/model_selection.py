@@ -18,7 +18,7 @@ from .signals import largest, largest_beyond
 MARGIN, MARGIN_UNEXPLAINED, MARGIN_EXPLAINED = 12.0, 0.3, 0.004
 #: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share of
 #: what the larger set explains, and by more than the margin, with the second share in place of MARGIN_EXPLAINED.
-MIN_DECREASE, MIN_DEVIANCE_SHARE, MARGIN_ADDED = 0.5, 0.002, 0.002
+MIN_DECREASE, MIN_DEVIANCE_SHARE, MARGIN_ADDED = 0.5, 0.003, 0.003
 #: The catalogue does not explain the log if the best set leaves this share of the training gap and residuals whose mean
 #: square exceeds that of noise by EXCESS;
 LEFT, EXCESS = 0.25, 0.3

@@ -130,7 +130,7 @@ def test_a_force_cuts_a_hold():
             {"fault": [{"kind": "lost", "channel": "p1", "start": "9 s"}]},
             "duration = 4 s, but an event of the scenario is at 9 s",
         ),
-        ({"fault": [{"kind": "current_limit", "current": "-1 A", "start": "1 s"}]}, "at least 0 A"),
+        ({"fault": [{"kind": "current_limit", "current": "-1 A", "start": "1 s"}]}, "current must be at least 0"),
         ({"supervision": {"position": "0 mm"}}, "must be greater than 0"),
         ({"supervision": {"pressure_min": "3 bar", "pressure_max": "2 bar"}}, "less than pressure_max"),
         ({"spread": {"K_T": [1, 2, 3]}}, "expected a standard deviation"),
