@@ -157,15 +157,15 @@ class Hypotheses:
         """
         again = []
         for fit in self.fits_of(tasks):
-            own = {(c.key, c.names) for c in fit.candidates}
-            parts = [f for f in self.fits.values() if {(c.key, c.names) for c in f.candidates} < own]
+            effects = {(c.key, c.names) for c in fit.candidates}
+            parts = [f for f in self.fits.values() if {(c.key, c.names) for c in f.candidates} < effects]
             best = min(parts, key=lambda part: part.cost, default=fit)
             if best.cost < fit.cost - COMPARED:
-                own = {n: fit.values[n] for c in fit.candidates for n in c.names}
+                start = {n: fit.values[n] for c in fit.candidates for n in c.names}
                 # Where there is one, the neutral value of an effect's first number makes the two the same.
                 first = {c.free[0].name: c.free[0].nominal for c in fit.candidates}
-                own |= {name: value for name, value in first.items() if np.isfinite(value)}
-                again.append(Task(fit.candidates, {**own, **best.values}))
+                start |= {name: value for name, value in first.items() if np.isfinite(value)}
+                again.append(Task(fit.candidates, {**start, **best.values}))
         return self.with_converged_refits(again, stage) if again else self
 
     def refine(self, fits: Sequence[HypothesisFit], steps: int = 6) -> Hypotheses:
