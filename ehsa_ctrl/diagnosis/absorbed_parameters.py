@@ -20,7 +20,7 @@ from .local_search import MAX_CAUSES
 from .model_selection import Reference, Selection, selection_of
 from .objective import NominalParameters
 from .refit import refit_until_converged
-from .scoring import CAUSE_SHARE, CauseKey, ScoredHypothesis, Scoring, exact_members
+from .scoring import CauseKey, ScoredHypothesis, Scoring, exact_members
 from .signals import largest, largest_beyond
 
 #: Parameters that a refit hides beside the causes. Engineering judgement: with more of them a form is wrong.
@@ -89,7 +89,7 @@ def with_absorbed_parameters(
 
 def with_determined_parameters(selection: Selection, sd: Mapping[str, float], scoring: Scoring) -> Selection:
     """The selection with those nominal parameters as causes whose final values are clearly other than the nominal ones,
-    see CLEARLY, and whose differences alone make a gap as a cause does.
+    see CLEARLY, and whose differences alone make a gap of the threshold.
 
     sd: standard deviation of each number of the final fit. A parameter's probability is that of the difference being
     large enough for that, and at most that of the least probable cause.
@@ -108,7 +108,7 @@ def with_determined_parameters(selection: Selection, sd: Mapping[str, float], sc
         if distance > CLEARLY:
             members.setdefault((ids[name], None), set()).add(name)
     least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)
-    limit = CAUSE_SHARE * scoring.threshold
+    limit = scoring.threshold
     own_gaps, probability = dict(chosen.own_gaps), dict(selection.probability)
     added: list[CauseKey] = []
     for key, gaps in scoring.changes_of(values, members).items():
