@@ -97,16 +97,11 @@ def with_determined_parameters(selection: Selection, sd: Mapping[str, float], sc
     chosen = selection.chosen
     if scoring.lumped or not chosen.causes:
         return selection
-    ids, values = scoring.ids, chosen.fit.values
-    there = {n for c in chosen.fit.candidates for n in c.names}
-    moved: dict[str, float] = {}
-    for f in chosen.fit.free[chosen.fit.n_effect :]:
-        if f.name in ids and f.name not in there and (ids[f.name], None) not in chosen.causes and sd.get(f.name):
-            moved[f.name] = abs(values[f.name] - f.nominal) / sd[f.name]
-    members: dict[CauseKey, set[str]] = {}
-    for name, distance in moved.items():
-        if distance > CLEARLY:
-            members.setdefault((ids[name], None), set()).add(name)
+    values, nominal = chosen.fit.values, {f.name: f.nominal for f in chosen.fit.free}
+    moved = {n: abs(values[n] - nominal[n]) / sd[n] for n in nominal if sd.get(n)}
+    _, others = _beside(chosen, scoring.ids)
+    clearly = {key: {n for n in names if moved.get(n, 0.0) > CLEARLY} for key, names in others.items()}
+    members = {key: names for key, names in clearly.items() if names}
     least = min((selection.probability.get(key, 0.0) for key in chosen.causes), default=1.0)
     limit = scoring.threshold
     own_gaps, probability = dict(chosen.own_gaps), dict(selection.probability)
@@ -119,6 +114,18 @@ def with_determined_parameters(selection: Selection, sd: Mapping[str, float], sc
             probability[key] = min(least, float(norm.cdf(distance * (1.0 - limit / largest(gaps)))))
     chosen = replace(chosen, causes=(*chosen.causes, *added), own_gaps=own_gaps)
     return replace(selection, chosen=chosen, probability=probability)
+
+
+def _beside(chosen: ScoredHypothesis, ids: Mapping[str, str]) -> tuple[set[str], dict[CauseKey, set[str]]]:
+    """The numbers of the causes, and the nominal parameters that are refitted beside them, by the effect that stands
+    for them."""
+    of_causes = {n for c in chosen.fit.candidates for n in c.names}
+    of_causes |= {n for n in chosen.fit.values if (ids.get(n), None) in chosen.causes}
+    others: dict[CauseKey, set[str]] = {}
+    for f in chosen.fit.free[chosen.fit.n_effect :]:
+        if f.name in ids and f.name not in of_causes:
+            others.setdefault((ids[f.name], None), set()).add(f.name)
+    return of_causes, others
 
 
 def _alone(one: ScoredHypothesis, hypotheses: Hypotheses, scoring: Scoring) -> Setting:
@@ -138,13 +145,8 @@ def _hidden(
     chosen: ScoredHypothesis, scoring: Scoring, left: Callable[[Setting], float], threshold: float
 ) -> tuple[dict[CauseKey, set[str]], float]:
     """The parameters that the refit hides, by the effect that stands for them, and the gap left with them."""
-    ids, values = scoring.ids, chosen.fit.values
-    of_causes = {n for c in chosen.fit.candidates for n in c.names}
-    of_causes |= {n for n in values if (ids.get(n), None) in chosen.causes}
-    others: dict[CauseKey, set[str]] = {}
-    for f in chosen.fit.free[chosen.fit.n_effect :]:
-        if f.name in ids and f.name not in of_causes:
-            others.setdefault((ids[f.name], None), set()).add(f.name)
+    values = chosen.fit.values
+    of_causes, others = _beside(chosen, scoring.ids)
 
     def rest_with(names: set[str]) -> float:
         return left({n: v for n, v in values.items() if n in names})
