@@ -26,6 +26,7 @@ from .absorbed_parameters import with_absorbed_parameters, with_determined_param
 from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
 from .explanation import Explanation, claimable_part, explain, only_parameters
+from .folds import Fold, folds_of, uneven_folds
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     Setting,
@@ -310,6 +311,9 @@ def _diagnose_selection(
     if law is not None:
         experiment = form_experiment(law, hypotheses.objective, prepared.noise)
     least = selection.ranked[0].deviance
+    folds: tuple[Fold, ...] = ()
+    if selection.named and law is None:
+        folds = folds_of(prepared, segments, scoring.objective, chosen.fit, hypotheses.pool)
     return _build_diagnosis(
         prepared,
         segments,
@@ -320,6 +324,7 @@ def _diagnose_selection(
         findings=[
             *(EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat),
             *one_sided_gap(segments, prepared.threshold),
+            *uneven_folds(folds, prepared.threshold),
         ],
         verdict=verdict,
         where=_where(location, causes),
@@ -336,6 +341,7 @@ def _diagnose_selection(
         experiment=experiment,
         improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
         floor=reference.floors[1],
+        folds=folds,
         rest=explanation.rest,
         law=None if law is None else law.proposed,
         with_causes=with_causes,

@@ -14,6 +14,7 @@ from ..core.result import Result, as_dict, as_table
 from ..physics.effects import EFFECTS, all_parameters
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
+from .folds import Fold, folds_sentence
 from .own_offsets import log_of, shared_name
 from .records import joint_gap
 from .signals import gap, scored_signals, signal_noise
@@ -157,6 +158,7 @@ class Diagnosis(Result):
     values: model -> parameters and sensor settings that differ from the nominal plant.
     simulated: model -> channel -> (N,) free run over the whole log.
     floor: signal -> gap on held-out data that sensor noise, noise of the logged input and single slips make.
+    folds: gaps with each third of a long log held out in turn; empty for a short one, and where no cause is named.
     nearest: effects near to what stays unexplained, not claimed ("outside_catalogue" and "partly").
     rest: the free curve that closes most of what the causes leave, in words; None if none closes much of it.
     law: law that the catalogue lacks, for what the causes leave; None if none is clearly better.
@@ -182,6 +184,7 @@ class Diagnosis(Result):
     values: Mapping[str, Mapping[str, float]]
     simulated: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
     floor: Mapping[str, float] = field(default_factory=dict)
+    folds: tuple[Fold, ...] = ()
     nearest: tuple[RelatedEffect, ...] = ()
     rest: str | None = None
     law: ProposedLaw | None = None
@@ -251,7 +254,7 @@ class Diagnosis(Result):
         plant, log = self.plant, self.log
         return as_dict(
             self, "verdict sentence gap held_out held_spans noise_sd next_experiment threshold candidates location "
-            "findings seconds runs provenance explained floor nearest nearest_sentence rest",
+            "findings seconds runs provenance explained floor nearest nearest_sentence rest folds",
             log=log.path, samples=len(log), sample_time=log.sample_time,
             plant=plant.name, plant_title=plant.title, model=plant.model,
             settings={p.name: p.written for p in plant.parameters.values() if p.source == "given"},
@@ -302,6 +305,8 @@ class Diagnosis(Result):
 
     def __str__(self) -> str:
         lines = [self.sentence, f"  held-out data: {self.held_out}", *_gap_table("gap there (%)", self.gap)]
+        if self.folds:
+            lines.append(f"  {folds_sentence(self.folds)}")
         for one in self.logs:
             before, after = (100.0 * one.gap[model]["total"] for model in ("nominal", "with_effects"))
             lines.append(f"  {one.log.name}: total gap {before:.2f} %, with the causes {after:.2f} %")

@@ -54,22 +54,23 @@ class Split:
         return tuple((float(log.time[part.start]), float(log.time[part.stop - 1])) for part in self.held_out)
 
 
-def splits(samples: int) -> tuple[Split, ...]:
-    """The splits of a log, in the order of preference."""
+def thirds(samples: int) -> tuple[Split, ...]:
+    """The splits of a log that hold out one third: the last, the first, the middle one."""
     edge = int(round(samples * (1.0 - HELD_OUT)))
     first = samples - edge
-    edges = np.round(np.linspace(0.0, samples, BLOCKS + 1)).astype(int).tolist()
-    blocks = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return (
         Split("the last third", (slice(0, edge),), (slice(edge, samples),)),
         Split("the first third", (slice(first, samples),), (slice(0, first),)),
         Split("the middle third", (slice(0, first), slice(edge, samples)), (slice(first, edge),)),
-        Split(
-            "every third ninth",
-            tuple(slice(edges[k], edges[k + 2]) for k in range(0, BLOCKS, 3)),
-            tuple(blocks[2::3]),
-        ),
     )
+
+
+def splits(samples: int) -> tuple[Split, ...]:
+    """The splits of a log, in the order of preference."""
+    edges = np.round(np.linspace(0.0, samples, BLOCKS + 1)).astype(int).tolist()
+    blocks = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    training = tuple(slice(edges[k], edges[k + 2]) for k in range(0, BLOCKS, 3))
+    return (*thirds(samples), Split("every third ninth", training, tuple(blocks[2::3])))
 
 
 def choose_split(

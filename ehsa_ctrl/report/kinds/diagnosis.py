@@ -327,6 +327,8 @@ def _gaps(content: Content) -> Section:
         Picture("shrinkage", "Gap of each model", caption),
         Table("Gap in % of the signal's standard deviation; ● marks a relevant gap", head, rows),
     ]
+    if content.get("folds"):
+        blocks.append(_by_third(content))
     if content.get("logs"):
         blocks.append(_by_log(content, models))
     if causes_are_named(content) and len(content["effects"]) > 1:
@@ -334,6 +336,19 @@ def _gaps(content: Content) -> Section:
         caption = "Part of each cause: mean over all orders in which the causes can be added (Shapley value)"
         blocks.append(Table(caption, ["cause", "gap closed"], parts))
     return Section("Gap of each model", blocks, "gaps")
+
+
+def _by_third(content: Content) -> Table:
+    """Gaps with each third of the log held out in turn."""
+    limit, rows = content["threshold"], []
+    for fold in content["folds"]:
+        for model in ("nominal", "with_effects"):
+            gaps = fold["gap"][model]
+            marked = [f"{'● ' if gap is None or gap >= limit else ''}{percent(gap, 2)}" for gap in gaps.values()]
+            rows.append([fold["part"], MODEL_WORDS[model], *marked])
+    signals = [n if n == "total" else signal_display(n).words for n in content["folds"][0]["gap"]["nominal"]]
+    caption = "Each third held out in turn: the gap there of the causes, refitted to the rest of the log"
+    return Table(caption, ["held out", "model", *signals], rows)
 
 
 def _by_log(content: Content, models: Sequence[str]) -> Table:
