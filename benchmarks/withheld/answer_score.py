@@ -38,6 +38,7 @@ class AnswerScore:
     sizes: for each cause named by its own id, whether its parameters are within the larger of 10 % and two standard
     deviations. in_interval: for each of those parameters, whether its 95 % interval holds the true value.
     closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
+    repeatable: share that the truth closes where the noise of its input is drawn again; None in older keys.
     """
 
     name: str
@@ -63,6 +64,7 @@ class AnswerScore:
     in_interval: tuple[bool, ...]
     closed: float | None
     closable: float | None
+    repeatable: float | None
     largest: float
     loop: str
     load_cell: bool
@@ -123,6 +125,7 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
         in_interval=tuple(inside for effect, e in sized for inside in _in_interval(effect, e)),
         closed=_closed(answer, "with_effects") if answer else None,
         closable=_closed(key.get("held_out"), "truth"),
+        repeatable=_closed(key.get("held_out"), "repeated"),
         largest=max(key["gap"][s] for s in SIGNALS),
         loop=key.get("loop", ""),
         load_cell=bool(key.get("load_cell", True)),

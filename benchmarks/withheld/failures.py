@@ -28,7 +28,10 @@ def faults(row: AnswerScore) -> list[str]:
     out += [f"{id} missed" for id in row.missed]
     if row.closable and row.closable > 0.0 and not closes(row):
         # Without a better model the answer has no gap of its own.
-        out.append(f"closes {100.0 * (row.closed or 0.0):.0f} % of the gap, the truth {100.0 * row.closable:.0f} %")
+        again = f", {100.0 * row.repeatable:.0f} % with other input noise" if row.repeatable is not None else ""
+        out.append(
+            f"closes {100.0 * (row.closed or 0.0):.0f} % of the gap, the truth {100.0 * row.closable:.0f} %{again}"
+        )
     if not all(row.in_interval):
         out.append(f"{row.in_interval.count(False)} of {len(row.in_interval)} sizes outside their interval")
     return out

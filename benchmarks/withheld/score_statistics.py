@@ -84,6 +84,9 @@ def cause_shares(rows: Rows) -> dict[str, list[bool]]:
         "every cause listed, whatever its probability": [r.listed >= len(r.truth) for r in rows],
         "no wrong name beside": [r.answer != FAILED and not r.wrong for r in rows],
         "closes 95 % of what the truth closes": [closes(r) for r in rows if r.closable and r.closable > 0.0],
+        "that, or as much as the truth with other input noise": [
+            closes(r) or repeats(r) for r in rows if r.closable and r.closable > 0.0 and r.repeatable is not None
+        ],
         "95 % intervals hold the truth": [inside for r in rows for inside in r.in_interval],
     }
 
@@ -91,6 +94,11 @@ def cause_shares(rows: Rows) -> dict[str, list[bool]]:
 def closes(row: AnswerScore) -> bool:
     """Whether the answer closes 95 % of what the truth closes; an answer without a better model closes nothing."""
     return bool(row.closed is not None and row.closable and row.closed >= CLOSES * row.closable)
+
+
+def repeats(row: AnswerScore) -> bool:
+    """Whether the answer closes as much as the truth does where the noise of the logged current is drawn again."""
+    return bool(row.closed is not None and row.repeatable is not None and row.closed >= row.repeatable)
 
 
 def sections(rows: Rows) -> dict[str, list[Figure]]:

@@ -56,7 +56,11 @@ def build_causes(
                 id=key[0],
                 channel=key[1],
                 place=plant.structure.system.place_of(EFFECTS[key[0]].place),
-                probability=_probability(key, selection, final / scoring.threshold, scoring.threshold),
+                probability=reliability(
+                    largest(chosen.own_gaps[key]) / scoring.threshold,
+                    final / scoring.threshold,
+                    partly=selection.verdict == "partly",
+                ),
                 parameters=_parameters(key, chosen, scoring, sd),
                 ambiguous_with=tuple(dict.fromkeys([*equivalent, *others])),
                 absorbed_by_refit=absorbed,
@@ -71,18 +75,19 @@ def build_causes(
     return tuple(found)
 
 
-def _probability(key: CauseKey, selection: Selection, left: float, threshold: float) -> float:
-    """Probability that a cause of the chosen hypothesis, or one that could replace it, is present.
+def reliability(size: float, left: float, *, partly: bool) -> float:
+    """Probability that a claimed cause, or one that could replace it, is present.
 
     How often a claimed cause of such a size is right where the model leaves so much comes from logs whose truth is
     known, see RELIABILITY. The share of the cause among the hypotheses says nothing beyond it (its coefficient in the
-    same regression is 0.05): the hypotheses know nothing of effects that they lack. left: of the gap, in thresholds.
+    same regression is 0.05): the hypotheses know nothing of effects that they lack. size: gap that the cause makes.
+    left: gap in total that the model leaves. Both in thresholds. partly: the verdict is `partly`.
     """
-    size = largest(selection.chosen.own_gaps[key]) / threshold
-    constant, by_size, partly, by_left = RELIABILITY
-    size, left = np.clip([size, left], SMALLEST, LARGEST)
-    logit = constant + by_size * np.log(size) + by_left * np.log(left)
-    logit += partly * (selection.verdict == "partly")
+    constant, by_size, by_partly, by_left = RELIABILITY
+    # Beyond the range of those logs, what is left counts relative to the cause.
+    beyond = max(size / LARGEST, 1.0)
+    size, left = np.clip([size / beyond, left / beyond], SMALLEST, LARGEST)
+    logit = constant + by_size * np.log(size) + by_left * np.log(left) + by_partly * partly
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 

@@ -76,7 +76,7 @@ def folds_sentence(folds: Sequence[Fold]) -> str:
         return ""
     gaps = [tuple(f"{100.0 * largest(one.gap[model]):.3g}" for model in ("nominal", "with_effects")) for one in folds]
     rows = (f"from {before} to {after} % in {one.part}" for one, (before, after) in zip(folds, gaps, strict=True))
-    return f"with each third held out in turn, the largest gap falls {join_words(rows)}"
+    return f"with thirds of the log held out in turn, the largest gap falls {join_words(rows)}"
 
 
 def uneven_folds(folds: Sequence[Fold], threshold: float) -> list[str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..physics.effects import CandidateEffect
 from .hypothesis_search import (
     MIN_ADDED_GAIN,
     MIN_GAIN,
@@ -31,7 +32,7 @@ from .refit import HypothesisFit
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
 #: Rounds of moves; effects that are tried beside a set, and in exchange for each of its causes; fits to refine.
-ROUNDS, ADDED, EXCHANGED, REFINED = 3, 4, 2, 3
+ROUNDS, ADDED, EXCHANGED, REFINED = 5, 4, 2, 3
 #: Hypotheses with more causes are not proposed: no log of one rig tells so many apart.
 MAX_CAUSES = 6
 #: Sets that are proposed: of the best size, of one more and of one less each.
@@ -68,15 +69,16 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
 
 def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypotheses:
     """All moves from a base."""
+    left_out = base.candidates if len(base.candidates) > 1 else ()
     reduced = [
-        Task(tuple(c for c in base.candidates if c is not left_out), base.without(left_out, found.objective), base)
-        for left_out in base.candidates
-        if len(base.candidates) > 1
+        Task(tuple(c for c in base.candidates if c is not out), base.without(out, found.objective), base)
+        for out in left_out
     ]
     found = found.with_refits(reduced, "neighbouring sets", steps=3)
     tasks = _additions(found, screening, base, ADDED) if len(base.candidates) < MAX_CAUSES else []
-    for fit in found.fits_of(reduced):
-        tasks += _additions(found, screening, fit, EXCHANGED)
+    for out, task in zip(left_out, reduced, strict=True):
+        for fit in found.fits_of([task]):
+            tasks += _additions(found, screening, fit, EXCHANGED, out)
     known = set(found.fits)
     tasks = [task for task in distinct_tasks(tasks) if hypothesis_key(task.candidates) not in known]
     found = found.with_refits(tasks, "neighbouring sets", steps=4)
@@ -84,10 +86,16 @@ def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypo
     return found.refine(best[:REFINED])
 
 
-def _additions(found: Hypotheses, screening: Screening, fit: HypothesisFit, count: int) -> list[Task]:
-    """A fit with each of the effects that promise most beside it."""
+def _additions(
+    found: Hypotheses,
+    screening: Screening,
+    fit: HypothesisFit,
+    count: int,
+    left_out: CandidateEffect | None = None,
+) -> list[Task]:
+    """A fit with each of the effects that promise most beside it, without the one that was just left out."""
     tasks: list[Task] = []
-    seen = set()
+    seen = set() if left_out is None else {left_out.key}
     for gain, response, step in screening.gains(found, fit):
         if gain < MIN_ADDED_GAIN or len(tasks) >= count:
             break

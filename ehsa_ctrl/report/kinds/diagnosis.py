@@ -347,7 +347,7 @@ def _by_third(content: Content) -> Table:
             marked = [f"{'● ' if gap is None or gap >= limit else ''}{percent(gap, 2)}" for gap in gaps.values()]
             rows.append([fold["part"], MODEL_WORDS[model], *marked])
     signals = [n if n == "total" else signal_display(n).words for n in content["folds"][0]["gap"]["nominal"]]
-    caption = "Each third held out in turn: the gap there of the causes, refitted to the rest of the log"
+    caption = "Thirds held out in turn: the gap there, and with the causes refitted to the rest of the log"
     return Table(caption, ["held out", "model", *signals], rows)
 
 
