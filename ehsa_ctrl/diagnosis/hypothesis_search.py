@@ -119,8 +119,10 @@ class Hypotheses:
         `refit_by_windows`.
         """
 
+        objective = replace(self.objective, converged=COMPARED)
+
         def work(task: Task) -> HypothesisFit | None:
-            return refit_until_converged(self.objective, task.candidates, task.start, tolerance=COMPARED)
+            return refit_until_converged(objective, task.candidates, task.start)
 
         fits = self.pool.map(stage, work, tasks)
         found = self.with_fits(fits)
@@ -130,9 +132,7 @@ class Hypotheses:
         pairs = [(task, fit) for task, fit in zip(tasks, fits, strict=True) if fit is not None and fit.cost <= limit]
         near = [(task, fit) for task, fit in pairs if not self.objective.at_noise(fit.residual)]
         return found.with_fits(
-            self.pool.map(
-                stage, lambda pair: refit_by_windows(self.objective, windows, pair[0].start, pair[1], COMPARED), near
-            )
+            self.pool.map(stage, lambda pair: refit_by_windows(objective, windows, pair[0].start, pair[1]), near)
         )
 
     def with_fits(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:

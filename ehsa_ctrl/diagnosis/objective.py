@@ -45,6 +45,8 @@ MODEL_ERROR = 0.004
 #: Residuals up to this share of the loss of noise alone are taken for it. On twelve fits of the tuning seeds with less,
 #: a refit over windows lowered the cost by 1.5 at most; on 28 with more by up to 58.
 AT_NOISE = 1.05
+#: A fit has converged when a step lowers the cost by less than this.
+CONVERGED = 0.05
 #: A run whose residuals exceed so many scales has diverged; squares of larger ones would overflow.
 DIVERGED = 1e8
 
@@ -175,7 +177,7 @@ class Objective:
 
     level: typical mean square of a block; blocks far above it are weighted down. jobs: threads for the
     runs of a Jacobian, for fits that are not made in parallel. segment: what is fitted; by default the whole log of
-    `model`.
+    `model`. converged: a step of a fit that lowers the cost by less is the last one.
     """
 
     model: HypothesisModel
@@ -185,6 +187,7 @@ class Objective:
     jobs: int = 1
     count: RunCount = field(default_factory=RunCount, repr=False)
     segment: Segment | None = field(default=None, repr=False)
+    converged: float = CONVERGED
 
     @property
     def records(self) -> tuple[Record, ...]:

@@ -15,8 +15,6 @@ from .records import Segment
 
 #: A thorough fit renews its Jacobian at most so often, and takes so many steps with each.
 MOST_ROUNDS, STEPS_A_ROUND = 6, 3
-#: A fit has converged when a step lowers the cost by less than this.
-CONVERGED = 0.05
 
 
 @dataclass(frozen=True)
@@ -157,7 +155,6 @@ class _HypothesisProblem:
         renew_after: int = 0,
         *,
         exact: bool = False,
-        tolerance: float = CONVERGED,
     ) -> HypothesisFit:
         """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
         fixed = [i for i, number in enumerate(self.free) if number.fixed]
@@ -195,9 +192,9 @@ class _HypothesisProblem:
                 exact = renewed = True
                 damping = 1e-2
                 continue
-            if not gained or drop < tolerance:
+            if not gained or drop < self.objective.converged:
                 break
-        settled = settled and (not gained or drop < tolerance)
+        settled = settled and (not gained or drop < self.objective.converged)
         return HypothesisFit(self.candidates, self.setting(x), cost, r, J, self.free, settled)
 
 
@@ -209,13 +206,11 @@ def refit(
     *,
     steps: int = 6,
     renew_after: int = 0,
-    tolerance: float = CONVERGED,
 ) -> HypothesisFit | None:
     """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
     sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. renew_after: number
-    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not). tolerance: a step that
-    lowers the cost by less is the last one.
+    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not).
 
     Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
     Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
@@ -232,16 +227,16 @@ def refit(
             J[:, i] = sensitivities[name] * problem.scale[i]
     missing = [i for i, name in enumerate(problem.names) if name not in sensitivities]
     problem.differentiate(missing, x, r, J)
-    return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free), tolerance=tolerance)
+    return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free))
 
 
-def refine(objective: Objective, fit: HypothesisFit, steps: int, tolerance: float = CONVERGED) -> HypothesisFit:
+def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFit:
     """Continue a fit with a new Jacobian."""
     problem = _HypothesisProblem(objective, fit.candidates)
     x = np.array([fit.values[name] for name in problem.names])
     J = np.empty_like(fit.jacobian)
     problem.differentiate(range(len(problem.free)), x, fit.residual, J)
-    return problem.fit(x, fit.residual, J, steps, exact=True, tolerance=tolerance)
+    return problem.fit(x, fit.residual, J, steps, exact=True)
 
 
 def refit_until_converged(
@@ -249,25 +244,22 @@ def refit_until_converged(
     candidates: Sequence[CandidateEffect],
     start: Setting,
     sensitivities: Mapping[str, np.ndarray] | None = None,
-    tolerance: float = CONVERGED,
 ) -> HypothesisFit | None:
     """A fit from `start` until its cost no longer falls with a new Jacobian; None if the start can't be simulated.
 
     sensitivities: of a fit nearby, see `refit`.
     """
-    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND, tolerance=tolerance)
+    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND)
     for _ in range(MOST_ROUNDS):
         if fit is None or fit.settled:
             break
-        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND, tolerance)
-        if fit.cost > before - tolerance:
+        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND)
+        if fit.cost > before - objective.converged:
             break
     return fit
 
 
-def refit_by_windows(
-    objective: Objective, windows: Segment, start: Setting, fit: HypothesisFit, tolerance: float = CONVERGED
-) -> HypothesisFit:
+def refit_by_windows(objective: Objective, windows: Segment, start: Setting, fit: HypothesisFit) -> HypothesisFit:
     """The better of a converged fit and of one from where a fit over short windows leads.
 
     The cost of a long free run is a rough function of the parameters where the rod sticks and slips: a slip that comes
@@ -277,10 +269,10 @@ def refit_by_windows(
     windows: training data in short windows. start: of the fit over them.
     """
     smooth = replace(objective, segment=windows)
-    over_windows = refit_until_converged(smooth, fit.candidates, start, tolerance=tolerance)
+    over_windows = refit_until_converged(smooth, fit.candidates, start)
     if over_windows is None:
         return fit
-    again = refit_until_converged(objective, fit.candidates, over_windows.values, fit.sensitivities, tolerance)
+    again = refit_until_converged(objective, fit.candidates, over_windows.values, fit.sensitivities)
     return fit if again is None else min(fit, again, key=lambda one: one.cost)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from ..plant.arrays import needed_to_simulate
 from .model_selection import Selection
 from .objective import TEMPER, NominalParameters, Objective
-from .refit import CONVERGED, HypothesisFit, covariance_of, refit_until_converged
+from .refit import HypothesisFit, covariance_of, refit_until_converged
 from .scoring import Scoring
 
 #: Time constant of a filter in a typical logger, in samples. Engineering judgement.
@@ -86,7 +86,7 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
         curvature = objective.level * (information - prior) + prior
         predicted = fit.cost + np.einsum("ij,jk,ik->i", steps, curvature, steps)
         best = int(np.argmin(costs))
-        if restart == RESTARTS or costs[best] >= fit.cost - CONVERGED:
+        if restart == RESTARTS or costs[best] >= fit.cost - objective.converged:
             break
         fit = refit_until_converged(objective, fit.candidates, settings[best]) or replace(fit, values=settings[best])
     known = np.isfinite(costs)
