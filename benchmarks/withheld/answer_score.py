@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from effect_gap import UNCERTAIN
+from effect_gap import THRESHOLD, UNCERTAIN
 from effects import IDS, place_of
 from effects_outside import OUTSIDE
 from gap import SIGNALS
@@ -38,6 +38,7 @@ class AnswerScore:
     sizes: for each cause named by its own id, whether its parameters are within the larger of 10 % and two standard
     deviations. in_interval: for each of those parameters, whether its 95 % interval holds the true value.
     closed, closable: share of the nominal gap that the answer closed on held-out data, and that the truth closes.
+    hidden: effects that make a gap alone and none beside the others.
     repeatable: share that the truth closes where the noise of its input is drawn again; None in older keys.
     """
 
@@ -65,6 +66,7 @@ class AnswerScore:
     closed: float | None
     closable: float | None
     repeatable: float | None
+    hidden: int
     largest: float
     loop: str
     load_cell: bool
@@ -72,9 +74,13 @@ class AnswerScore:
 
 
 def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | None) -> AnswerScore:
-    """`answer` is a diagnosis.json, or None without an answer."""
-    causes = [_accepted(effect) for effect in key["effects"]]
-    truth = tuple(effect["id"] for effect in key["effects"])
+    """`answer` is a diagnosis.json, or None without an answer.
+
+    An effect that makes no gap beside the others is no cause: to name it is neither right nor wrong.
+    """
+    acting = [effect for effect in key["effects"] if _acts(effect)]
+    causes = [_accepted(effect) for effect in acting]
+    truth = tuple(effect["id"] for effect in acting)
     catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
     effects: list[Mapping[str, Any]] = list(answer["effects"]) if answer else []
     verdict = str(answer["verdict"]) if answer else FAILED
@@ -85,6 +91,7 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     found = [any(_covers(e, cause) for e in named) for cause in catalogued]
     off: set[Name] = {(UNCERTAIN[p], None) for p in key.get("parameter_errors", {})}
     off |= {_name(e) for e in key.get("below_threshold", [])}
+    off |= {name for effect in key["effects"] if not _acts(effect) for name in _accepted(effect)}
     stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
     wrong = tuple(e["id"] for e in stray if _name(e) not in off)
     first = effects[0] if effects and verdict != "no_gap" else None
@@ -94,19 +101,16 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
         max((float(e["probability"]) for e in effects if _matches(e, cause)), default=0.0) for cause in catalogued
     ]
     sized = [
-        (effect, e)
-        for effect in key["effects"]
-        for e in named
-        if _matches(e, {_name(effect)}) and _common_sizes(effect, e)
+        (effect, e) for effect in acting for e in named if _matches(e, {_name(effect)}) and _common_sizes(effect, e)
     ]
-    places = {p for effect in key["effects"] for p in _places(effect)}
+    places = {p for effect in acting for p in _places(effect)}
     where = max(answer["where"], key=lambda w: w["share"], default=None) if answer and answer.get("where") else None
     return AnswerScore(
         name=name,
         family=key.get("family", ""),
         verdict=key.get("verdict") or ("no_gap" if not truth else OUTSIDE if OUTSIDE in truth else "effect"),
         truth=truth,
-        laws=tuple(effect.get("law", "") for effect in key["effects"]),
+        laws=tuple(effect.get("law", "") for effect in acting),
         answer=verdict,
         first=first["id"] if answered and first else verdict,
         top_1=bool(first and answered and any(_matches(first, cause) for cause in catalogued)),
@@ -126,11 +130,18 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
         closed=_closed(answer, "with_effects") if answer else None,
         closable=_closed(key.get("held_out"), "truth"),
         repeatable=_closed(key.get("held_out"), "repeated"),
+        hidden=len(key["effects"]) - len(acting),
         largest=max(key["gap"][s] for s in SIGNALS),
         loop=key.get("loop", ""),
         load_cell=bool(key.get("load_cell", True)),
         seconds=float(answer["seconds"]) if answer and answer.get("seconds") is not None else None,
     )
+
+
+def _acts(effect: Mapping[str, Any]) -> bool:
+    """Whether an effect makes a gap beside the others; older keys do not say so."""
+    beside = effect.get("beside")
+    return effect["id"] == OUTSIDE or not beside or not max(beside[signal] for signal in SIGNALS) < THRESHOLD
 
 
 def _places(effect: Mapping[str, Any]) -> list[str]:

@@ -16,7 +16,7 @@ from effect_gap import COARSE, THRESHOLD, UNCERTAIN, EffectGap, drive_command, s
 from effects_sensor import sensor_filter
 from family import FAMILIES, RIG_FAMILIES, consistent, intended_effects
 from gap import gap, largest, noise_of, of_samples
-from key import held_out, key, measured
+from key import beside_the_others, held_out, key, measured
 from nominal_rig import draw_nominal_rig, parameter_errors, set_options
 from operation import Operation, usable
 from plant import simulate
@@ -125,9 +125,9 @@ def _attempt(rng: np.random.Generator, family: str, index: int, attempt: int) ->
         "spring_stiffness": nominal_rig.K_S,
         "set": set_options(nominal_rig, family),
     }
-    return Case(
-        log, validate, model_settings, key(family, operation, load_cell, bench, causes, errors, total, held_out_gap)
-    )
+    beside = beside_the_others(Bench(nominal_rig, sensors), causes, log["current"], before)
+    found = key(family, operation, load_cell, bench, causes, beside, errors, total, held_out_gap)
+    return Case(log, validate, model_settings, found)
 
 
 def _sensor_filters(rng: np.random.Generator) -> list[tuple[Effect, float]]:

@@ -62,20 +62,40 @@ def held_out(
     return {"log": "validate" if whole else "last third", "gap": {name: _rounded(g) for name, g in gaps.items()}}
 
 
+def beside_the_others(
+    plain: Bench, causes: Sequence[Cause], logged: np.ndarray, lead: np.ndarray = NO_LEAD
+) -> list[dict[str, float]]:
+    """Gap between the rig with all causes and with all but this one, for each that counts; empty for the others.
+
+    plain: the nominal rig with the logger's sensors. logged: current. An end stop that a pump's losses keep out of
+    reach makes no gap here, whatever it makes alone: the log has no trace of it.
+    """
+
+    def signals_with(some: Sequence[Cause]) -> dict[str, np.ndarray]:
+        bench = plain
+        for cause in some:
+            bench = cause.effect.apply(bench, cause.size)
+        return simulated_signals(bench, drive_command(bench, logged), lead=lead)
+
+    everything = signals_with(causes)
+    return [gap(everything, signals_with([o for o in causes if o is not c])) if c.counts else {} for c in causes]
+
+
 def key(
     family: str,
     operation: Operation,
     load_cell: bool,
     bench: Bench,
     causes: Sequence[Cause],
+    beside: Sequence[Mapping[str, float]],
     errors: Mapping[str, float],
     total: Mapping[str, float],
     held_out_gap: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """`effects` largest cause first; `accepted` lists the equivalent ids of each."""
-    counted = sorted((c for c in causes if c.counts), key=lambda c: -largest(c.alone))
+    """`effects` largest cause first; `accepted` lists the equivalent ids of each. beside: see `beside_the_others`."""
+    pairs = ((c, found) for c, found in zip(causes, beside, strict=True) if c.counts)
     rows: dict[tuple[str, str | None], dict[str, Any]] = {}
-    for cause in counted:
+    for cause, others in sorted(pairs, key=lambda pair: -largest(pair[0].alone)):
         effect = cause.effect
         row = {
             "id": effect.id,
@@ -84,6 +104,7 @@ def key(
             "place": place_of(effect.id, effect.law),
             "parameters": {name: float(f"{value:.6g}") for name, value in effect.value(bench).items()},
             "alone": _rounded(cause.alone),
+            "beside": _rounded(others),
             "accepted": [{"id": id, "channel": channel} for id, channel in effect.accepted],
         }
         first = rows.setdefault((effect.id, effect.channel), row)
@@ -91,6 +112,7 @@ def key(
             # Several changes under one id are one cause, with the sizes of all.
             first["parameters"] = {**row["parameters"], **first["parameters"]}
             first["law"] += f", {row['law']}"
+            first["beside"] = {name: max(value, row["beside"][name]) for name, value in first["beside"].items()}
             first["accepted"] += [a for a in row["accepted"] if a not in first["accepted"]]
     outside = any(id == OUTSIDE for id, _ in rows)
     return {

@@ -27,15 +27,20 @@ from score_files import table, write
 from score_statistics import sections
 
 
+def settings_of(model_settings: dict[str, Any]) -> dict[str, float]:
+    """What is set in the nominal plant of a case."""
+    settings = dict(model_settings.get("set") or {})
+    if model_settings.get("spring_stiffness"):
+        settings["load.stiffness"] = model_settings["spring_stiffness"]
+    return settings
+
+
 def command(tool: Sequence[str], model_settings: dict[str, Any], out: Path) -> list[str]:
     """The command line for a log and its nominal model."""
     line = [*tool, "diagnose", "log.csv", "--plant", model_settings["plant"], "--model", model_settings["model"]]
     if model_settings.get("validate"):
         line += ["--validate", "validate.csv"]
-    settings = dict(model_settings.get("set") or {})
-    if model_settings.get("spring_stiffness"):
-        settings["load.stiffness"] = model_settings["spring_stiffness"]
-    for name, value in settings.items():
+    for name, value in settings_of(model_settings).items():
         line += ["--set", f"{name}={value!r}"]
     return [*line, "--out", str(out)]
 

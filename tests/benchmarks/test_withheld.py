@@ -22,11 +22,12 @@ import gap  # noqa: E402
 import score  # noqa: E402
 import score_statistics  # noqa: E402
 from answer_score import FAILED, score_answer  # noqa: E402
-from cause import Conditions  # noqa: E402
+from cause import Bench, Conditions, set_parameter  # noqa: E402
 from effect_gap import EffectGap  # noqa: E402
 from effects import DRAWN, IDS, OUTSIDE  # noqa: E402
 from effects import draw as draw_effect  # noqa: E402
 from effects_outside import LAWS, draw_outside  # noqa: E402
+from key import beside_the_others  # noqa: E402
 from plant import simulate  # noqa: E402
 from rig import LINEAR, Rig  # noqa: E402
 from sensors import NOISE, Sensors  # noqa: E402
@@ -224,6 +225,21 @@ def drawn(tmp_path_factory):
     again, other = draw.draw("tuning", "weak", 0), draw.draw("reported", "weak", 0)
     patch.undo()
     return folder, cases.collect_keys(folder), again, other
+
+
+def test_an_end_stop_out_of_reach_makes_no_gap_beside_what_keeps_the_rod_away():
+    """Half of the torque constant: the rod no longer reaches the stop, which alone makes a gap."""
+    current = sine(amplitude=1.5)
+    reach = float(np.max(np.abs(simulate(Rig(), current).samples[:, 3])))
+    effect_gap = EffectGap(Rig(), current)
+    weak, stop = (
+        effect_gap.of_effect(set_parameter(id, "", name, 0.0, 2.0), size)
+        for id, name, size in (("torque_constant", "K_T", 0.5 * Rig().K_T), ("end_stop", "x_stop", 0.8 * reach))
+    )
+
+    of_weak, of_stop = beside_the_others(Bench(Rig()), [weak, stop], current)
+
+    assert gap.largest(stop.alone) > 0.03 and gap.largest(of_stop) < 1e-6 < gap.largest(of_weak)
 
 
 def test_a_case_is_its_seed(drawn):

@@ -19,6 +19,7 @@ import leave_one_out  # noqa: E402
 import score_statistics  # noqa: E402
 from effects import IDS  # noqa: E402
 from effects_outside import OUTSIDE  # noqa: E402
+from gap import SIGNALS  # noqa: E402
 from key_formats import in_this_form, read_key  # noqa: E402
 
 
@@ -253,6 +254,36 @@ def test_ids_beyond_the_benchs_own_count_in_the_calibration():
 
     assert drag.top_1 and calibration.listed(drag).tolist() == [[0.9, 1.0]]
     assert strange.wrong == ("swirl",) and calibration.listed(strange).tolist() == [[0.7, 0.0]]
+
+
+def test_an_effect_that_the_others_hide_is_no_cause():
+    """To name it is neither right nor wrong; one that acts is missed where it is not named."""
+    effects = [
+        {"id": id, "channel": None, "law": "", "accepted": [], "parameters": {}, "alone": dict.fromkeys(SIGNALS, 0.2),
+         "beside": dict.fromkeys(SIGNALS, beside)}
+        for id, beside in (("pump_torque_loss", 0.2), ("end_stop", 0.0))
+    ]  # fmt: skip
+    key = {"effects": effects, "gap": dict.fromkeys(SIGNALS, 0.2), "held_out": {"gap": {}}, "family": "several"}
+
+    seen, named_too, wrong = (
+        answer_score.score_answer("", key, named("effect", *((id, 0.9, {}, []) for id in ids)))
+        for ids in (["pump_torque_loss"], ["pump_torque_loss", "end_stop"], ["end_stop"])
+    )
+
+    assert (seen.truth, seen.missed, seen.wrong, seen.hidden) == (("pump_torque_loss",), (), (), 1)
+    assert named_too.wrong == () and named_too.missed == ()
+    assert wrong.missed == ("pump_torque_loss",) and not wrong.top_1
+
+
+def test_as_much_as_the_truth_closes_with_other_noise_is_counted_beside():
+    """60 % of 95 % is too little, but no more can be asked of a log in which the truth itself repeats 50 %."""
+    gap = {"nominal": {"total": 0.1}, "truth": {"total": 0.005}, "repeated": {"total": 0.05}}
+    key = {**in_this_form(hard_row()), "held_out": {"gap": gap}}
+
+    row = answer_score.score_answer("", key, named("effect", ("rod_friction", 0.9, {}, []), closed=0.04))
+
+    assert not score_statistics.closes(row) and score_statistics.repeats(row)
+    assert "closes 60 % of the gap, the truth 95 %, 50 % with other input noise" in failures.faults(row)
 
 
 LEFT_OUT_KEY = {
