@@ -2,8 +2,8 @@
 
 Both sets are fitted to the training data as in a diagnosis, the true one from its true sizes, and scored on training
 and held-out data. If the true set is clearly ahead, the search missed it. If neither is ahead by the margin that a
-diagnosis asks for, the log can't tell them apart. If the answer's set is clearly ahead, the true law has another form
-than the catalogue's, or the noise of the log favours the other.
+diagnosis asks for, the log can't tell them apart; a diagnosis then prefers the smaller set. If the answer's set is
+clearly ahead, the true law has another form than the catalogue's, or the noise of the log favours the other.
 
 python benchmarks/true_set.py results/rigs --jobs 2
 """
@@ -43,7 +43,8 @@ from score import read_answers, settings_of
 THRESHOLD = 0.03
 #: Most combinations of forms of the true effects that are fitted.
 MOST_FORMS = 6
-SEARCH, UNTOLD, OTHER, ABSENT = "the search missed it", "the log can't tell", "the other fits better", "no such form"
+SEARCH, SMALLER, UNTOLD = "the search missed it", "the truth is smaller and fits as well", "the log can't tell"
+OTHER, ABSENT = "the other fits better", "no such form"
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,9 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
     if given is None or true is None:
         return Comparison(name, *names, None, ABSENT)
     ahead = (given.deviance - true.deviance) / Reference.of(scoring).margin(min(given, true, key=_deviance))
-    return Comparison(name, *names, ahead, SEARCH if ahead > 1.0 else UNTOLD if ahead > -1.0 else OTHER)
+    smaller = len(names[0]) < len(names[1])
+    why = SEARCH if ahead > 1.0 else OTHER if ahead < -1.0 else SMALLER if smaller else UNTOLD
+    return Comparison(name, *names, ahead, why)
 
 
 def _deviance(one: ScoredHypothesis) -> float:
