@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .hypothesis_search import Hypotheses, Task, hypothesis_key
+from .hypothesis_search import Hypotheses, Key, Task, hypothesis_key
 from .model_selection import Reference, Selection, select_model
 from .scoring import ScoredHypothesis, Scoring, exact_members
 from .sizes import MAX_LARGER
@@ -28,7 +28,7 @@ def prune(
     threshold: float,
 ) -> tuple[Selection, Hypotheses, list[ScoredHypothesis]]:
     """The selection among all scored hypotheses and those with one cause less than the selected; with these added."""
-    scores = list(scores)
+    scores, tried = list(scores), set[Key]()
     for _ in range(ROUNDS):
         chosen = selection.chosen
         members = exact_members(chosen, hypotheses.candidates, scoring.ids)
@@ -38,11 +38,15 @@ def prune(
         for left_out in members:
             rest = tuple(c for c in members if c is not left_out)
             tasks.append(Task(rest, chosen.fit.without(left_out, hypotheses.objective), chosen.fit))
-        tasks = [task for task in tasks if hypothesis_key(task.candidates) not in hypotheses.fits]
+        # A set that the search has fitted is fitted again from here: it may have ended in another minimum.
+        tasks = [task for task in tasks if hypothesis_key(task.candidates) not in tried]
+        tried |= {hypothesis_key(task.candidates) for task in tasks}
         if not tasks:
             break
         hypotheses = hypotheses.with_refits(tasks, "sets with one cause less", steps=6, renew_after=2)
-        scores += hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(tasks))
+        scored = {id(one.fit) for one in scores}
+        unscored = [fit for fit in hypotheses.fits_of(tasks) if id(fit) not in scored]
+        scores += hypotheses.pool.map("scores", scoring.score, unscored)
         again = select_model(scores, reference, threshold)
         smaller = len(again.chosen.causes) < len(chosen.causes)
         if smaller and _costs(chosen, again.chosen) > MAX_LARGER * threshold:
