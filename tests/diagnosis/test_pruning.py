@@ -65,6 +65,25 @@ def test_a_cause_that_the_log_does_not_need_is_dropped(segments):
     assert len(all_scores) > len(scores)
 
 
+def test_a_smaller_set_that_was_fitted_badly_before_is_fitted_again(segments):
+    """The search may have left the mass alone at a size far off, which would keep the superfluous friction."""
+    hypotheses = start(segments)
+    mass, friction = candidate(hypotheses, "payload_mass"), candidate(hypotheses, "rod_viscous_friction")
+    plant = segments.training.model.plant
+    true = plant["M"] / 1.4
+    sets = [((), {}), ((mass,), {"M": 1.1 * plant["M"]}), ((mass, friction), {"M": true, "Fv": 1.2 * plant["Fv"]})]
+    hypotheses = hypotheses.with_fits([refit(hypotheses.objective, c, v, {}, steps=0) for c, v in sets])
+    scoring = Scoring.of(hypotheses, segments.training, segments.held_out, THRESHOLD, lumped=False)
+    scores = [scoring.score(fit) for fit in hypotheses.fits.values()]
+    reference = Reference.of(scoring)
+    before = select_model(scores, reference, THRESHOLD)
+
+    after, _, _ = prune(before, scores, hypotheses, scoring, reference, THRESHOLD)
+
+    assert len(before.chosen.causes) == 2 and [id for id, _ in after.chosen.causes] == ["payload_mass"]
+    assert after.chosen.fit.values["M"] == pytest.approx(true, rel=0.01)
+
+
 def test_errors_of_the_model_widen_an_interval_once(segments):
     """The level divides the information; the roughness of the cost is small here, at any level."""
     hypotheses = start(segments)
