@@ -245,6 +245,8 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
             console.print(Text.assemble(name, VERDICTS[result.verdict], f", {result.scenario.title}"))
             for failure in result.failures:
                 console.print(Text(f"  {failure}", "red"))
+            if result.solver_words:
+                console.print(f"  {result.solver_words}", highlight=False)
         console.print(_metrics(group))
         console.print()
     if len(results) > 1:

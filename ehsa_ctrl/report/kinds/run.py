@@ -237,7 +237,7 @@ def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
             "sensitivity T."
         )
         blocks = [
-            *([Paragraph(run["controller_words"])] if run.get("controller_words") else []),
+            *(Paragraph(run[key]) for key in ("controller_words", "solver_words") if run.get(key)),
             margins_table("Margins", [run["margins"]]),
             Picture(stem, f"Bode plot of the open loop with {run['controller']}", caption),
         ]
