@@ -46,7 +46,7 @@ class ScenarioFile(Definition):
         description="name of a controller, or a path relative to this file; designed on the plant's linear model",
     )
     duration: Second = Field(description="length of the run, 0.05 s to an hour")
-    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force", "gap"], str] = Field(
+    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force", "gap", "gap_retracting"], str] = Field(
         default={},
         description="load on the rod, positive if it resists extension; omitted keys keep the plant's values",
     )

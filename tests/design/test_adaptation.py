@@ -111,7 +111,7 @@ def test_an_estimate_is_used_if_the_position_agrees(estimates, error, used):
     for sign in (1.0, -1.0):
         memory = after_a_motion(estimates, error)
         memory[9] = sign * 0.1
-        renew_factors(memory, -sign * 0.1)
+        renew_factors(memory, -sign * 0.1, 0.0)
 
         np.testing.assert_array_equal(memory[13:15], used)
         np.testing.assert_array_equal(memory[7:9], used)
@@ -122,9 +122,9 @@ def test_factors_in_use_change_at_starts_and_reversals_only():
     """Within a motion and at rest they stay; at the next start they are renewed."""
     memory = after_a_motion((0.2, 0.3), 1e-4)
     for velocity in (0.1, 0.05, 0.0, 0.0):
-        renew_factors(memory, velocity)
+        renew_factors(memory, velocity, 0.0)
         assert not memory[13:15].any()
-    renew_factors(memory, 0.01)
+    renew_factors(memory, 0.01, 0.0)
 
     np.testing.assert_array_equal(memory[13:15], (0.2, 0.3))
 

@@ -68,10 +68,10 @@ def adapt(memory: np.ndarray, settings: np.ndarray) -> None:
     memory[8] = min(max(memory[8] + step * memory[6], least), most)
 
 
-def renew_factors(memory: np.ndarray, velocity: float) -> None:
+def renew_factors(memory: np.ndarray, velocity: float, error: float) -> None:
     """At the start or the reversal of a planned motion: use the estimates with which the position error agrees.
 
-    memory: as of `adapt`. velocity: planned, of this sample [m/s].
+    memory: as of `adapt`. velocity: planned, of this sample [m/s]. error: of the position in this sample [m].
     """
     if velocity != 0.0 and velocity * memory[9] <= 0.0:
         if (memory[7] - memory[13]) * memory[11] > 0.0:
@@ -83,6 +83,7 @@ def renew_factors(memory: np.ndarray, velocity: float) -> None:
         memory[11] = 0.0
         memory[12] = 0.0
     memory[9] = velocity
+    memory[10] = error
 
 
 class Adaptation(Definition):

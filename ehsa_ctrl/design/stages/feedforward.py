@@ -35,14 +35,14 @@ def feedforward(planned: np.ndarray, measured: np.ndarray, memory: np.ndarray, s
     """
     inertia, viscous, stiffness, preload, coulomb, static, stribeck, load, decay = settings[:9]
     adapted = memory[2:]
-    position, force = measured[3], measured[4]
     own_inertia, own_viscous, own_load = settings[15], settings[16], settings[17]
     adapt(adapted, settings[9:])
     if memory[1] == 0.0:
-        memory[0], memory[1] = force, 1.0
-    memory[0] = decay * memory[0] + (1.0 - decay) * force
+        memory[0], memory[1] = measured[4], 1.0
+    memory[0] = decay * memory[0] + (1.0 - decay) * measured[4]
     x, v, a = planned[0], planned[1], planned[2]
-    renew_factors(adapted, v)
+    if settings[9] > 0.0:
+        renew_factors(adapted, v, x - measured[3])
     current = load * memory[0] + inertia * a + viscous * v + stiffness * x + preload
     friction = 0.0
     if v != 0.0 and static > 0.0:
@@ -51,10 +51,9 @@ def feedforward(planned: np.ndarray, measured: np.ndarray, memory: np.ndarray, s
         current += (1.0 + adapted[14]) * friction
     # A law may know the viscous friction of the model itself; then only the difference is fed forward.
     current += adapted[13] * own_viscous * v
-    adapted[1] = own_inertia * a + stiffness * x + preload + own_load * force
+    adapted[1] = own_inertia * a + stiffness * x + preload + own_load * measured[4]
     adapted[2] = own_viscous * v
     adapted[3] = friction
-    adapted[10] = x - position
     return current
 
 
