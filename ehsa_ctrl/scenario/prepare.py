@@ -250,15 +250,15 @@ def with_drive_of(names: Sequence[str], plant: str | Path | None, given: Sequenc
     """
     limits = [read_toml(controllers.find(name)).get("current_limit") for name in given]
     asked = {_drive_unit(one) for one in (*([plant] if plant else []), *map(_plant_with_drive, limits))}
-    fitting = []
-    for name in names:
-        unit = ""
-        with suppress(InputError):
-            scenario = load_scenario(name)
-            unit = _drive_unit(plants.find(scenario.definition.plant, beside=scenario.path))
-        if not unit or asked <= {unit}:
-            fitting.append(name)
-    return fitting
+    return [name for name in names if not (unit := own_drive_unit(name)) or asked <= {unit}]
+
+
+def own_drive_unit(scenario: str | Path) -> str:
+    """SI unit of the drive of the scenario's own plant; empty if that can't be read."""
+    with suppress(InputError):
+        loaded = load_scenario(scenario)
+        return _drive_unit(plants.find(loaded.definition.plant, beside=loaded.path))
+    return ""
 
 
 def _drive_unit(plant: str | Path) -> str:

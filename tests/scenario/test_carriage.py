@@ -456,5 +456,5 @@ def test_exported_code_of_a_carriage_is_checked_over_its_own_scenario():
     number = NUMBERS["q31"]
     check = check_code(export_controller(law, reference, measured, number=number, runs=ranges), law, number, runs)
 
-    assert "carriage_moves" in check.runs
+    assert {run.name for run in runs} == {"carriage_moves"} <= set(check.runs)
     assert check.runs["carriage_moves"].error < 0.005 * 150.0
