@@ -307,14 +307,15 @@ def test_an_own_problem_is_exported(model, tmp_path):
         export_controller(cone, reference, measured)
 
 
-def test_what_an_own_problem_lacks_is_said(model):
-    """No margins; the text names solver and size; a run reports no loop analysis."""
+def test_what_an_own_problem_lacks_is_said(model, tmp_path):
+    """No margins; the text names solver and size; a run and its page say the solver and report no loop analysis."""
     own = e.load_controller("mpc_position", model, problem=lambda m: m.cost, compiled=False)
     run = e.run("steps_spring", controller=own)
 
     assert "a cost and constraints of your own (20 unknowns" in str(own) and "by daqp" in str(own)
     assert run.loop is None
-    assert f"solver daqp: 0 of {run.nonlinear.asked.size} samples without a solution" in str(run)
+    words = f"olver daqp: 0 of {run.nonlinear.asked.size} samples without a solution"
+    assert words in str(run) and words in e.write_report(run, tmp_path).read_text()
     with pytest.raises(e.InputError, match="has no linear law to analyse"):
         e.analyse_loop(model, own)
 
