@@ -205,16 +205,18 @@ def test_a_compilation_that_fails_is_one_sentence_and_the_other_solver(model, tm
     from ehsa_ctrl.design.state_space import mpc_compiled, mpc_own_problem
 
     monkeypatch.setenv("EHSA_CTRL_CACHE", str(tmp_path))
-    monkeypatch.setattr(mpc_compiled, "_WRITE", "print('x'); raise SystemExit('error: no C compiler')")
+    printed = "CMake Error at x:48:\\n  CMake Error: CMAKE_C_COMPILER not set\\nImportError: no module"
+    monkeypatch.setattr(mpc_compiled, "_WRITE", f"print('{printed}'); raise SystemExit(1)")
     for module in (mpc_compiled, mpc_own_problem):
         monkeypatch.setattr(module, "has_cvxpygen", lambda: True)
     own = e.load_controller("mpc_position", model, problem=lambda m: m.cost)
 
     assert own.law.solver == "daqp" and own.law.external is None
     assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
-        "problem: cvxpygen could not compile it (error: no C compiler); it is solved without"
+        "problem: cvxpygen could not compile it (CMake Error: CMAKE_C_COMPILER not set); it needs a C compiler and "
+        "CMake on the PATH; it is solved without"
     ]
-    with pytest.raises(e.InputError, match=r"could not compile it \(error: no C compiler\)$"):
+    with pytest.raises(e.InputError, match=r"CMAKE_C_COMPILER not set.*; it needs a C compiler and CMake on the PATH$"):
         e.load_controller("mpc_position", model, problem=lambda m: m.cost, compiled=True)
 
 

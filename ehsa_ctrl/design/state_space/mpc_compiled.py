@@ -204,12 +204,21 @@ def _compile(arrays: Mapping[str, np.ndarray], folder: Path, key: str) -> Path:
             raise InputError(f"problem: cvxpygen and its compiler took more than {TIMEOUT:g} s") from None
         files = [each for each in (Path(draft) / "code").glob("cpg_module*") if each.suffix in (".so", ".pyd")]
         if not files:
-            said = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-            errors = [line for line in said if "error" in line.lower()] or said or ["no module was made"]
-            raise InputError(f"problem: cvxpygen could not compile it ({errors[-1][:200]})")
+            raise InputError(
+                f"problem: cvxpygen could not compile it ({_reason(done.stdout + done.stderr)}); it needs a C compiler "
+                "and CMake on the PATH"
+            )
         kept = folder / f"{key}-{_digest(files[0])}.cpg"
         files[0].replace(kept)
         return kept
+
+
+def _reason(text: str) -> str:
+    """The line of what cvxpygen, CMake and compiler printed that says most."""
+    said = [line.strip() for line in text.splitlines() if line.strip()]
+    first = [line for line in said if line.startswith("CMake Error:") or ": error: " in line or "fatal error" in line]
+    last = [line for line in said if "error" in line.lower()] or said or ["no module was made"]
+    return (first[0] if first else last[-1])[:200]
 
 
 def write_code() -> None:
