@@ -7,8 +7,9 @@ controller.
 import math
 import sys
 
-from ehsa_ctrl import InputError, load_controller, load_plant, scenarios, three_state
+from ehsa_ctrl import InputError, load_controller, load_plant, scenarios
 from ehsa_ctrl.design.export import NUMBERS, check_code, export_controller
+from ehsa_ctrl.plant.conditions import linear_model
 from ehsa_ctrl.scenario.recorded_runs import recorded_runs
 from ehsa_ctrl.simulation.exercise import exercise_controller
 
@@ -16,14 +17,17 @@ from ehsa_ctrl.simulation.exercise import exercise_controller
 NAMES = (
     "pid_position", "pid_friction", "pid_adaptive", "pid_scheduled", "cascade_position", "cascade_friction",
     "lqr_position", "lqr_friction", "lqi_position", "lqr_scheduled", "adrc_position", "adrc_friction",
-    "sliding_friction", "repetitive_press", "force_press", "impedance_push",
+    "sliding_friction", "repetitive_press", "force_press", "impedance_push", "carriage_pid",
 )  # fmt: skip
+
+#: Controller -> plant, where that is not the EHSA.
+PLANTS = {"carriage_pid": "emps"}
 
 
 def checks(name):
     """Number -> CodeCheck of a controller, or the reason why there is none."""
-    plant, system = load_plant("ehsa"), three_state(load_plant("ehsa", model="linear"))
-    controller = load_controller(name, system)
+    plant, linear = (load_plant(PLANTS.get(name, "ehsa"), model=model) for model in ("nonlinear", "linear"))
+    controller = load_controller(name, linear_model(linear))
     reference, measured, _ = exercise_controller(plant, controller, controller.current_limit, 0)
     runs, _ = recorded_runs(scenarios.values(), controller, plant)
     ranges = [(run.reference, run.measured) for run in runs]
@@ -42,7 +46,8 @@ def cell(check):
     if isinstance(check, str):
         return "no code"
     error = 1e3 * check.runs[check.worst].error
-    return f"{error:.2g} mA" if check.usable else f"**{error / 1e3:.2g} A, not usable**"
+    unit = check.unit
+    return f"{error:.2g} m{unit}" if check.usable else f"**{error / 1e3:.2g} {unit}, not usable**"
 
 
 def main(names):

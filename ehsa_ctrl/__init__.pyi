@@ -250,6 +250,7 @@ def load_controller(
     method: str = "tustin",
     label: str = "",
     problem: Callable[[MpcTerms], Any] | None = None,
+    compiled: bool | None = None,
     **keys: Any,
 ) -> SampledController: ...
 def load_plant(

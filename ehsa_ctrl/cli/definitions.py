@@ -24,7 +24,7 @@ from ..plant.plant import Plant
 from ..plant.systems import SYSTEMS
 from ..scenario.definition import load_scenario
 from ..scenario.metrics import METRICS
-from ..scenario.rescaling import rescaling_to
+from ..scenario.rescaling import is_for_shipped_ehsa, rescaling_to
 from ..simulation.limits import NAMES
 from .template import HOW, KeyLine, comment, fill, form_template, sections, template, to_toml
 
@@ -113,13 +113,14 @@ def controller_toml(base: str, name: str, *, plant: str | None = None) -> str:
     path = controllers.find(base)
     kind, _ = read_controller(path)
     unit = load_plant(plant, model=models_of(plant)[0]).structure.system.drive_unit if plant is not None else "A"
-    if unit != "A" and is_shipped("controllers", path):
+    of_ehsa = is_for_shipped_ehsa(path)
+    if unit != "A" and of_ehsa:
         raise InputError(
             f"--plant {plant}: its drive is in {unit}, the shipped controllers are in A; write one by "
             f"`ehsa-ctrl design {plant} --kind {kind.name} --current-limit '100 {unit}' -o {name}.toml`"
         )
     given = _titled(path, name)
-    example = _rescale(given, plant, shipped_base=is_shipped("controllers", path), keys=definition_keys(kind.file))
+    example = _rescale(given, plant, shipped_base=of_ehsa, keys=definition_keys(kind.file))
     head = _controller_head(kind, name, f"started from {path.stem}", plant)
     text = template(f"controller_{kind.name}", "controller_stages") or form_template(kind.file)
     return head + fill(text, given, example=example)

@@ -105,7 +105,6 @@ def command(
     ehsa-ctrl design ehsa --kind lqr --bandwidth '40 rad/s' --Ms 1.6 --weight current='2 A' -o lqr.toml ·
     ehsa-ctrl design ehsa --kind adrc --tune --Ms 1.4 -o adrc.toml
     """
-    from ..core.catalogue import is_shipped
     from ..core.definition import validate
     from ..core.files import read_toml, refuse_existing, write_text
     from ..design.analysis.closed_loop import step_response
@@ -123,7 +122,7 @@ def command(
     from ..plant.conditions import linear_model
     from ..plant.load import load_plant, models_of
     from ..scenario.plant_data import check_controller_limits
-    from ..scenario.rescaling import rescaling_to
+    from ..scenario.rescaling import is_for_shipped_ehsa, rescaling_to
     from .inputs import load_model
 
     if file is not None:
@@ -153,7 +152,7 @@ def command(
     foreign: list[str] = []
     rescaling = rescaling_to(plant, pairs)
     # The numbers of a shipped controller are for the shipped EHSA; which plant a user's controller is for is unknown.
-    if is_shipped("controllers", begun):
+    if is_for_shipped_ehsa(begun):
         if drive_unit != "A" and "current_limit" in asked:
             try:
                 rescaling = rescaling.to_drive(

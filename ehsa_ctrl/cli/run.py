@@ -88,8 +88,8 @@ def command(
         raise InputError("--replay repeats a run of one scenario; name this scenario alone")
     draw = read_draw(replay) if replay else None
     pairs = read_pairs(run.settings)
-    names = scenarios or _all(catalogue.folders)
     chosen = run.controllers()
+    names = scenarios or _all(catalogue.folders, run.plant, chosen)
     for name in names:
         catalogue.find(name)
     for kind, given in (("scenario", names), ("controller", [name for name in chosen if name])):
@@ -137,12 +137,19 @@ def command(
         raise typer.Exit(1)
 
 
-def _all(folders: tuple[Path, ...]) -> list[str]:
-    """Names of all scenarios in the user's folder if there is one, else of the shipped ones."""
+def _all(folders: tuple[Path, ...], plant: str | None, controllers: list[str | None]) -> list[str]:
+    """Names of all scenarios in the user's folder if there is one, else of the shipped ones, as far as their drive is
+    that of a plant and controllers that were given."""
+    from ..scenario.prepare import with_drive_of
+
     names = sorted(path.stem for path in folders[0].glob("*.toml"))
     if not names:
         raise InputError(f"{folders[0]}: contains no scenario; add a TOML file, or name a scenario")
-    return names
+    given = [name for name in controllers if name]
+    fitting = with_drive_of(names, plant, given) if plant or given else names
+    if not fitting:
+        raise InputError(f"{folders[0]}: no scenario has a plant with the drive of what was given; name a scenario")
+    return fitting
 
 
 def _names_of(scenario: str, controller: str | None) -> tuple[str, str]:
@@ -245,6 +252,8 @@ def _print(results: list[ScenarioResult], out: Path) -> None:
             console.print(Text.assemble(name, VERDICTS[result.verdict], f", {result.scenario.title}"))
             for failure in result.failures:
                 console.print(Text(f"  {failure}", "red"))
+            if result.solver_words:
+                console.print(f"  {result.solver_words}", highlight=False)
         console.print(_metrics(group))
         console.print()
     if len(results) > 1:

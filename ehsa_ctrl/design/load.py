@@ -70,6 +70,7 @@ def load_controller(
     method: str = "tustin",
     label: str = "",
     problem: Callable[[Any], Any] | None = None,
+    compiled: bool | None = None,
     **keys: Any,
 ) -> SampledController:
     """A controller from a definition, designed on a linear model, or from a Python object.
@@ -92,6 +93,8 @@ def load_controller(
     problem: for an MPC: a function that returns a cost, or (cost, constraints), in cvxpy, in place of [weights] and the
         soft [limits]; its argument is a design.state_space.mpc_terms.MpcTerms with the predicted signals. The hard
         limits of the current apply as well.
+    compiled: whether cvxpygen compiles `problem`, once for each problem, which takes half a minute: True requires it,
+        False does without; None compiles where cvxpygen is installed, and a failure is a warning.
     keys: keys of the definition, in place of those in the file or dictionary: current_limit="5 A", a table as a
         dictionary. Numbers are in SI units. A law of your own requires current_limit and may have the stages
         trajectory, feedforward, rest and dither.
@@ -100,6 +103,8 @@ def load_controller(
     controller.
     """
     period = {} if sample_time is None else {"sample_time": f"{sample_time:.9g} s"}
+    if compiled is not None and problem is None:
+        raise InputError("compiled: is for an MPC with a problem of your own; give one, problem=f")
     if problem is not None and not isinstance(name, str | Path | Mapping):
         raise InputError("problem: is for an MPC by name, path or dictionary")
     if isinstance(name, str | Path):
@@ -122,7 +127,9 @@ def load_controller(
         raise InputError(f"{where}: is designed on a linear model; give one, load_controller(name, three_state(plant))")
     si = bool(keys) or isinstance(name, Mapping)
     controller = controller_of(content, where, label, system, sample_time, si=si)
-    return controller if problem is None else replace(controller, law=with_own_problem(controller.law, problem))
+    if problem is None:
+        return controller
+    return replace(controller, law=with_own_problem(controller.law, problem, compiled))
 
 
 def controller_of(

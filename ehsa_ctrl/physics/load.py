@@ -1,7 +1,7 @@
 """Load of the rod: F_EXT of (5), positive when it resists extension.
 
 A load with a gap, such as a workpiece, is not attached to the rod: it pushes once the rod has reached x_C, and never
-pulls. Without one, x_C is minus infinity.
+pulls. One that the retracting rod meets pushes the other way below x_R. Without either, both are minus infinity.
 """
 
 from math import inf
@@ -12,9 +12,16 @@ def penetration(x: float, x_C: float) -> float:
     return x - x_C
 
 
-def deflection(x: float, x_C: float) -> float:
-    """Deflection of the load's spring [m]: x where it is attached to the rod, else the penetration in contact."""
-    return x if x_C == -inf else max(x - x_C, 0.0)
+def clearance(x: float, x_R: float) -> float:
+    """How far the rod is from the position x_R at which it meets the load while retracting [m]; negative in contact."""
+    return x - x_R
+
+
+def deflection(x: float, x_C: float, x_R: float) -> float:
+    """Deflection of the load's spring [m]: x where it is attached to the rod, else the penetration in contact, negative
+    on the side of retraction. A rod that is between two loads touches neither."""
+    pushed = 0.0 if x_C == -inf else max(x - x_C, 0.0)
+    return x if max(x_C, x_R) == -inf else pushed + min(x - x_R, 0.0)
 
 
 def force(s: float, K_S: float, F_pre: float, k_3: float, F_0: float, F_D: float) -> float:

@@ -37,7 +37,15 @@ CHANNEL_UNITS = {
 }
 
 #: Names of the load in TOML and on the command line -> symbols in the equations.
-LOAD_SYMBOLS = {"stiffness": "K_S", "preload": "F_pre", "hardening": "k_3", "mass": "m_L", "force": "F_0", "gap": "x_C"}
+LOAD_SYMBOLS = {
+    "stiffness": "K_S",
+    "preload": "F_pre",
+    "hardening": "k_3",
+    "mass": "m_L",
+    "force": "F_0",
+    "gap": "x_C",
+    "gap_retracting": "x_R",
+}
 
 _SYMBOLS = {f"load.{word}": symbol for word, symbol in LOAD_SYMBOLS.items()}
 _KEYS = {symbol: key for key, symbol in _SYMBOLS.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -46,7 +46,7 @@ class ScenarioFile(Definition):
         description="name of a controller, or a path relative to this file; designed on the plant's linear model",
     )
     duration: Second = Field(description="length of the run, 0.05 s to an hour")
-    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force", "gap"], str] = Field(
+    load: dict[Literal["stiffness", "preload", "hardening", "mass", "force", "gap", "gap_retracting"], str] = Field(
         default={},
         description="load on the rod, positive if it resists extension; omitted keys keep the plant's values",
     )
@@ -210,11 +210,12 @@ class ScenarioFile(Definition):
 
 @dataclass(frozen=True, repr=False)
 class Scenario(Result):
-    """A scenario definition with its name and file."""
+    """A scenario definition with its name, its file, and the content that it was read from if that is a dictionary."""
 
     name: str
     definition: ScenarioFile
     path: Path | None = None
+    content: Mapping[str, Any] | None = field(default=None, compare=False)
 
     @property
     def title(self) -> str:
@@ -232,10 +233,15 @@ class Scenario(Result):
 
 
 def require_drive_unit(scenario: Scenario, drive_unit: str) -> None:
-    """Raise InputError for a fault of the drive whose file states it in the unit of another plant's drive."""
-    if scenario.path is not None and any(isinstance(fault, CurrentLimit) for fault in scenario.definition.fault):
-        context = {"folder": scenario.path.parent, "drive_unit": drive_unit}
-        validate(read_toml(scenario.path), ScenarioFile, str(scenario.path), context)
+    """Raise InputError for a fault of the drive that is stated in the unit of another plant's drive."""
+    if not any(isinstance(fault, CurrentLimit) for fault in scenario.definition.fault):
+        return
+    content = scenario.content if scenario.path is None else read_toml(scenario.path)
+    where = scenario.path or f"scenario {scenario.name}"
+    for fault in (content or {}).get("fault", []):
+        if fault["kind"] == "current_limit":
+            context = {"drive_unit": drive_unit, "si": scenario.path is None}
+            validate(dict(fault), CurrentLimit, f"{where}: [[fault]]", context)
 
 
 def load_scenario(name: str | Path | Mapping[str, Any], *, label: str = "", **keys: Any) -> Scenario:
@@ -264,4 +270,5 @@ def load_scenario(name: str | Path | Mapping[str, Any], *, label: str = "", **ke
             if isinstance(content.get(key), str):
                 content[key] = str(catalogue.find(content[key], beside=path))
         content, label = merged(content, keys), label or path.stem
-    return Scenario(label, validate(content, ScenarioFile, where, {"folder": folder, "si": True}))
+    definition = validate(content, ScenarioFile, where, {"folder": folder, "si": True})
+    return Scenario(label, definition, content=content)

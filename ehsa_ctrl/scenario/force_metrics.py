@@ -57,8 +57,8 @@ def force_metrics(loop: ClosedLoop, changes: Sequence[ForceChange]) -> dict[str,
     for change in changes:
         if change.after == 0.0:
             asked &= (time < change.start - 1e-9) | (time >= change.until - 1e-9)
-    gap = np.isfinite(loop.trajectory.plant.values.get("x_C", np.nan))
-    return found | tracking_metrics(time, force, loop["reference_force"], asked, gap=bool(gap))
+    gap = any(np.isfinite(loop.trajectory.plant.values.get(symbol, np.nan)) for symbol in ("x_C", "x_R"))
+    return found | tracking_metrics(time, force, loop["reference_force"], asked, gap=gap)
 
 
 def tracking_metrics(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -241,6 +241,30 @@ def _plant_with_drive(limit: Any) -> str:
             parse(str(limit), unit)
             return name
     return "ehsa"
+
+
+def with_drive_of(names: Sequence[str], plant: str | Path | None, given: Sequence[str | Path]) -> list[str]:
+    """The scenarios whose own plant has a drive in the unit of this plant's and these controllers' drives.
+
+    A scenario whose own plant can't be read stays.
+    """
+    limits = [read_toml(controllers.find(name)).get("current_limit") for name in given]
+    asked = {_drive_unit(one) for one in (*([plant] if plant else []), *map(_plant_with_drive, limits))}
+    return [name for name in names if not (unit := own_drive_unit(name)) or asked <= {unit}]
+
+
+def own_drive_unit(scenario: str | Path) -> str:
+    """SI unit of the drive of the scenario's own plant; empty if that can't be read."""
+    with suppress(InputError):
+        loaded = load_scenario(scenario)
+        return _drive_unit(plants.find(loaded.definition.plant, beside=loaded.path))
+    return ""
+
+
+def _drive_unit(plant: str | Path) -> str:
+    """SI unit of a plant's drive."""
+    file = plants.find(plant)
+    return load_plant(file, model=models_of(file)[0]).structure.system.drive_unit
 
 
 def check_definition(path: Path, *, plant: str | Path | None = None) -> str:

@@ -88,8 +88,11 @@ class ScenarioTest(pytest.Item):
         self.controller = controller
 
     def runtest(self) -> None:
+        from .prepare import with_drive_of
         from .run import run_one
 
+        if self.controller is not None and not with_drive_of([str(self.path)], None, [self.controller]):
+            pytest.skip(f"{self.path.name} has a plant with another drive than that of {self.controller}")
         result = run_one(self.path, controller=self.controller)
         self.add_report_section("call", "scenario", result.scenario.definition.why)
         if self.config.getoption("--ehsa-update-baselines"):

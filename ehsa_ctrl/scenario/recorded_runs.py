@@ -11,7 +11,7 @@ import numpy as np
 from ..core.controller_interface import Controller
 from ..core.errors import EhsaError
 from ..plant.plant import Plant
-from .prepare import prepare
+from .prepare import own_drive_unit, prepare
 
 
 class RecordedRun(NamedTuple):
@@ -25,13 +25,18 @@ class RecordedRun(NamedTuple):
 def recorded_runs(
     scenarios: Iterable[str | Path], controller: Controller, plant: Plant
 ) -> tuple[list[RecordedRun], dict[str, str]]:
-    """Simulate scenarios on a plant (its nonlinear model) with a controller.
+    """Simulate scenarios on a plant (its nonlinear model) with a controller, those with a drive of its unit.
 
     Returns the runs, and by name of the others why they do not fit this controller or plant.
     """
     runs, others = [], {}
+    drive = plant.structure.system.drive_unit
     for scenario in scenarios:
         name = Path(scenario).stem
+        own = own_drive_unit(scenario)
+        if own not in ("", drive):
+            others[name] = f"its plant's drive is in {own}, that of {plant.name} in {drive}"
+            continue
         try:
             case = prepare(scenario, controller=controller, plant=plant)
             loop = case.simulate(case.nonlinear)

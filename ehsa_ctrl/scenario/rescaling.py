@@ -15,8 +15,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from ..core.catalogue import shipped
+from ..core.catalogue import is_shipped, shipped
 from ..core.definition import InDrive, drive_quantities
+from ..core.errors import InputError
+from ..core.files import read_toml
 from ..core.unit import factor, parse
 from ..design.state_space.kalman import Observer
 from ..design.tuning.constraints import Tuning
@@ -142,6 +144,17 @@ class Rescaling:
         known = self.drive[2] if self.drive is not None else {}
         keys = [key for key, _ in _leaves(content) if _own_key(key) in VALUE_OF and key not in known]
         return [key for key in keys if VALUE_OF[_own_key(key)] not in self.ratios]
+
+
+def is_for_shipped_ehsa(path: Path) -> bool:
+    """Whether this is a shipped controller whose drive is a current, so that its numbers are those of the EHSA."""
+    if not is_shipped("controllers", path):
+        return False
+    try:
+        parse(str(read_toml(path).get("current_limit", "1 A")), "A")
+    except InputError:
+        return False
+    return True
 
 
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:

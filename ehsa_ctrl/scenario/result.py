@@ -156,6 +156,15 @@ class ScenarioResult(Result):
         return bool((abs(self.nonlinear.asked) >= limit * (1 - 1e-9)).any())
 
     @property
+    def solver_words(self) -> str:
+        """Solver of an MPC and its samples of the nonlinear run without a solution; empty for any other controller."""
+        solver = getattr(getattr(self.controller, "law", None), "solver", "")
+        if not solver or "solver_reason" not in self.nonlinear.traces:
+            return ""
+        reasons = self.nonlinear["solver_reason"]
+        return f"solver {solver}: {np.count_nonzero(reasons)} of {reasons.size} samples without a solution"
+
+    @property
     def plant(self) -> Plant:
         return self.nonlinear.trajectory.plant
 
@@ -169,7 +178,7 @@ class ScenarioResult(Result):
         """Plain values for results.json, SI units."""
         scenario, plant, metrics = self.scenario, self.plant, self.metrics
         return as_dict(
-            self, "current_limit_reached settings passed verdict failures expected_trips seconds",
+            self, "current_limit_reached solver_words settings passed verdict failures expected_trips seconds",
             scenario=scenario.name, title=scenario.title, why=scenario.definition.why,
             definition=scenario.definition.model_dump(by_alias=True), plant=plant.name, plant_title=plant.title,
             controller=self.controller.name, sample_time=self.controller.sample_time,
@@ -243,7 +252,8 @@ class ScenarioResult(Result):
 
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + first_reasons(self.failures)
-        return f"{self.scenario.name} with {self.controller.name}{self.of_draw}: {verdict}\n{self.table().to_string()}"
+        lines = [f"{self.scenario.name} with {self.controller.name}{self.of_draw}: {verdict}", self.table().to_string()]
+        return "\n".join([*lines, *([self.solver_words] if self.solver_words else [])])
 
     @property
     def of_draw(self) -> str:

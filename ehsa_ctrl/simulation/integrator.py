@@ -266,7 +266,7 @@ def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, 
             break
     for i in range(kinks):
         start = kink(functions, shape, scales, i, y, u, f, d, c)
-        sides[i] = np.sign(start)
+        sides[i] = np.sign(start) if abs(start) < inf else 0.0
         if sides[i] != 0.0:
             for j in range(shape[STATES]):
                 y_m[j] = 0.5 * (y[j] + y_n[j]) + 0.125 * h * (k1[j] - k7[j])

@@ -100,7 +100,7 @@ def _acceleration(plant: Plant, way: float) -> Callable[[float, float, float], f
     spring = {name: plant[name] for name in ("K_S", "F_pre", "k_3", "F_0")}
 
     def rate(x: float, omega: float, current: float) -> float:
-        resists = way * load.force(load.deflection(x, plant["x_C"]), **spring, F_D=0.0)
+        resists = way * load.force(load.deflection(x, plant["x_C"], plant["x_R"]), **spring, F_D=0.0)
         return (K_T * current - shaft(omega) - travel * (resists + rod(travel * omega))) / inertia
 
     return rate

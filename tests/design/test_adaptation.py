@@ -8,7 +8,7 @@ import pytest
 import ehsa_ctrl as e
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.files import read_toml
-from ehsa_ctrl.design.stages.adaptation import MEMORY, Adaptation, adapt, adaptation_settings
+from ehsa_ctrl.design.stages.adaptation import MEMORY, Adaptation, adapt, adaptation_settings, renew_factors
 from ehsa_ctrl.design.stages.pipeline import M_CURRENT
 
 NAME = "pid_adaptive"
@@ -34,7 +34,7 @@ def moved(memory, numbers, speed, factors):
     """One sample after a motion at `speed` whose friction is the model's times `factors`."""
     viscous, dry = VISCOUS * speed, COULOMB * np.sign(speed)
     memory[:4] = factors[0] * viscous + factors[1] * dry + 0.2, 0.2, viscous, dry
-    memory[9] = float(speed != 0.0)
+    memory[9] = speed
     adapt(memory, numbers)
 
 
@@ -86,6 +86,49 @@ def test_frozen_at_rest_and_at_the_limit():
     np.testing.assert_array_equal(memory[7:9], before)
 
 
+def after_a_motion(estimates, error):
+    """Memory after a motion at 0.1 m/s with these estimates less 1 and this mean position error [m]."""
+    memory, numbers = np.zeros(MEMORY), settings()
+    for _ in range(100):
+        memory[10] = error
+        moved(memory, numbers, 0.1, (1.0, 1.0))
+    memory[7:9] = estimates
+    return memory
+
+
+@pytest.mark.parametrize(
+    ("estimates", "error", "used"),
+    [
+        ((0.2, 0.3), 1e-4, (0.2, 0.3)),
+        ((-0.2, -0.3), -1e-4, (-0.2, -0.3)),
+        ((-0.2, -0.3), 1e-4, (0.0, 0.0)),
+        ((0.2, -0.3), -1e-4, (0.0, -0.3)),
+        ((0.2, 0.3), 0.0, (0.0, 0.0)),
+    ],
+)
+def test_an_estimate_is_used_if_the_position_agrees(estimates, error, used):
+    """Larger friction only for a rod that lagged, smaller only for one that led; both directions of motion alike."""
+    for sign in (1.0, -1.0):
+        memory = after_a_motion(estimates, error)
+        memory[9] = sign * 0.1
+        renew_factors(memory, -sign * 0.1, 0.0)
+
+        np.testing.assert_array_equal(memory[13:15], used)
+        np.testing.assert_array_equal(memory[7:9], used)
+        assert not memory[11:13].any()
+
+
+def test_factors_in_use_change_at_starts_and_reversals_only():
+    """Within a motion and at rest they stay; at the next start they are renewed."""
+    memory = after_a_motion((0.2, 0.3), 1e-4)
+    for velocity in (0.1, 0.05, 0.0, 0.0):
+        renew_factors(memory, velocity, 0.0)
+        assert not memory[13:15].any()
+    renew_factors(memory, 0.01, 0.0)
+
+    np.testing.assert_array_equal(memory[13:15], (0.2, 0.3))
+
+
 def test_compiled_and_plain_are_equal_to_the_bit(adaptive):
     """Over noisy readings and planned motions in both directions; the last current is the one returned."""
     rng = np.random.default_rng(3)
@@ -125,6 +168,24 @@ def test_wrong_numbers_are_found_in_a_sine(scale):
 
     assert adapted.metrics["RMSError"][1] < 0.5 * fixed.metrics["RMSError"][1]
     assert scale * (1.0 + adapted.nonlinear["friction_factor"][-1]) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "viscous"), [("adrc_friction", "5.87 A s/m"), ("lqr_friction", "5.87 A s/m")])
+def test_a_law_that_friction_too_large_helps_keeps_it(name, viscous):
+    """With numbers 40 % too large these laws err less in a sine than with the right ones: no return to those."""
+    content = read_toml(e.controllers[name])
+    fed = dict(content["feedforward"])
+    for key in ("coulomb", "static"):
+        number, unit = fed[key].split(" ", 1)
+        fed[key] = f"{1.4 * float(number):.6g} {unit}"
+    motion = {"inertia": "0.721 A s2/m", "viscous": viscous, "load": "0.321 A/kN"}
+    right, fixed, adapted = (
+        e.run("slow_sine", controller={**content, "feedforward": each}).metrics["RMSError"][1]
+        for each in (content["feedforward"], fed, {**fed, "adaptation": motion})
+    )
+
+    assert fixed < 0.9 * right
+    assert adapted < 1.05 * fixed
 
 
 @pytest.mark.parametrize(

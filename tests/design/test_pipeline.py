@@ -95,16 +95,17 @@ def test_feedforward_is_the_law_it_says():
     x, v, a = 0.02, 0.03, -1.0
     expected = 0.7 * a + 5 * v + 16 * x + 0.9 + 0.2 * np.exp(-3)
 
-    assert feedforward(np.array([x, v, a]), 0.0, memory, settings) == pytest.approx(expected, rel=1e-14)
-    assert feedforward(-np.array([x, v, a]), 0.0, memory, settings) == pytest.approx(-expected, rel=1e-14)
-    assert feedforward(np.array([x, 0.0, 0.0]), 0.0, memory, settings) == pytest.approx(16 * x)
+    assert feedforward(np.array([x, v, a]), np.zeros(5), memory, settings) == pytest.approx(expected, rel=1e-14)
+    assert feedforward(-np.array([x, v, a]), np.zeros(5), memory, settings) == pytest.approx(-expected, rel=1e-14)
+    assert feedforward(np.array([x, 0.0, 0.0]), np.zeros(5), memory, settings) == pytest.approx(16 * x)
 
 
 def test_the_measured_force_is_carried():
     """From its first reading on, then with the filter's time constant."""
     numbers = Feedforward(load="0.3 A/kN", force_time="20 ms")
     settings, memory = feedforward_settings(numbers, T), np.zeros(FEED_MEMORY)
-    currents = [feedforward(np.zeros(3), force, memory, settings) for force in [1000.0] + [2000.0] * 5]
+    readings = [np.array([0.0, 0.0, 0.0, 0.0, force]) for force in [1000.0] + [2000.0] * 5]
+    currents = [feedforward(np.zeros(3), each, memory, settings) for each in readings]
 
     np.testing.assert_allclose(currents, 0.3 * (2 - np.exp(-T / 0.02 * np.arange(6))), rtol=1e-12)
 

@@ -412,3 +412,49 @@ def test_no_controller_is_designed_for_a_servo_with_its_own():
     refused = CliRunner().invoke(app, ["design", "xl330_pendulum", "--kind", "lqr"])
 
     assert "its position loop is the firmware's" in str(refused.exception)
+
+
+def test_a_fault_in_amperes_of_a_scenario_in_python_is_refused():
+    """A dictionary, and a shipped scenario with changed keys; a number is in the SI unit of the drive."""
+    fault = {"kind": "current_limit", "current": "3 A", "start": 0.5}
+    changed = ehsa_ctrl.load_scenario("carriage_moves", fault=[fault])
+
+    sentence = r"scenario own: \[\[fault\]\]: current = '3 A', but the drive of this plant is in N"
+    with pytest.raises(InputError, match=sentence):
+        ehsa_ctrl.run({**SCENARIO, "fault": [fault]}, controller=PID)
+    with pytest.raises(InputError, match="current = '3 A', but the drive of this plant is in N"):
+        ehsa_ctrl.run(changed)
+    for current in ("50 N", 50.0):
+        limited = ehsa_ctrl.run({**SCENARIO, "fault": [{**fault, "current": current}]}, controller=PID)
+        assert np.max(np.abs(limited.nonlinear.trajectory.current[600:])) <= 50.0
+
+
+def test_all_scenarios_are_those_of_the_drive_that_was_given():
+    """A controller or a plant in A leaves out the carriage, one in N the others; without either all are run."""
+    from ehsa_ctrl.scenario.prepare import with_drive_of
+
+    names = list(ehsa_ctrl.scenarios)
+
+    assert with_drive_of(names, None, []) == names
+    assert with_drive_of(names, None, ["carriage_pid"]) == ["carriage_moves"] == with_drive_of(names, "emps", [])
+    for given in (("ehsa", []), (None, ["pid_position", "lqr_friction"])):
+        assert with_drive_of(names, *given) == [name for name in names if name != "carriage_moves"]
+    assert with_drive_of(names, "ehsa", ["carriage_pid"]) == []
+
+
+def test_exported_code_of_a_carriage_is_checked_over_its_own_scenario():
+    """Words of 32 bits are within half a percent of the largest force there."""
+    from ehsa_ctrl.design.export import NUMBERS, check_code, export_controller
+    from ehsa_ctrl.scenario.recorded_runs import recorded_runs
+    from ehsa_ctrl.simulation.exercise import exercise_controller
+
+    plant = ehsa_ctrl.load_plant("emps")
+    law = ehsa_ctrl.load_controller("carriage_pid", linear_model(ehsa_ctrl.load_plant("emps", model="linear")))
+    runs, _ = recorded_runs(ehsa_ctrl.scenarios.values(), law, plant)
+    reference, measured, _ = exercise_controller(plant, law, law.current_limit, 0)
+    ranges = [(run.reference, run.measured) for run in runs]
+    number = NUMBERS["q31"]
+    check = check_code(export_controller(law, reference, measured, number=number, runs=ranges), law, number, runs)
+
+    assert {run.name for run in runs} == {"carriage_moves"} <= set(check.runs)
+    assert check.runs["carriage_moves"].error < 0.005 * 150.0

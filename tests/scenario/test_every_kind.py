@@ -1,4 +1,4 @@
-"""Every kind of controller runs every scenario."""
+"""Every kind of controller runs every scenario of the EHSA."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from ehsa_ctrl import run
 from ehsa_ctrl.core.catalogue import scenarios
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.specification import starting_definition
+from ehsa_ctrl.scenario.prepare import with_drive_of
 
 #: The example of a kind, where it is not the one that `design` starts from.
 EXAMPLES = {
@@ -20,7 +21,7 @@ EXAMPLES = {
     "lqr": "lqr_friction",
     "mpc": "mpc_friction",
 }
-NAMES = sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml"))
+NAMES = with_drive_of(sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml")), "ehsa", [])
 
 
 @pytest.mark.slow

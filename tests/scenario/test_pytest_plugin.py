@@ -69,6 +69,14 @@ def test_other_controllers_are_tests_of_their_own(run, pytester):
     result.stdout.fnmatch_lines(["*good?pid_position? PASSED*", "*good?mine? PASSED*"])
 
 
+def test_a_controller_of_another_drive_is_skipped(run):
+    """One in N does not fit a plant whose drive is in A."""
+    result = run("--ehsa-controller", "carriage_pid", good=LIMIT)
+
+    result.assert_outcomes(skipped=1)
+    result.stdout.fnmatch_lines(["*good.toml has a plant with another drive than that of carriage_pid*"])
+
+
 @pytest.mark.slow
 def test_baselines_are_recorded_with_a_reason_and_then_hold(run, pytester):
     """Recorded, kept, left by another plant with the figure and the table of it, recorded anew."""

@@ -3,15 +3,17 @@
 import tomllib
 
 import pytest
+from typer.testing import CliRunner
 
 from ehsa_ctrl import InputError, load_controller, load_plant, three_state
+from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core.catalogue import controllers, plants
 from ehsa_ctrl.design.kinds import CONTROLLER_KINDS
 from ehsa_ctrl.design.load import read_controller
 from ehsa_ctrl.design.specification import definition_keys
 from ehsa_ctrl.scenario.plant_data import check_controller_limits, ratings
 from ehsa_ctrl.scenario.prepare import check_definition, prepare
-from ehsa_ctrl.scenario.rescaling import rescaling_to
+from ehsa_ctrl.scenario.rescaling import is_for_shipped_ehsa, rescaling_to
 
 EHSA = plants["ehsa"].read_text()
 #: Half the stroke, a third of the current, twice the samples.
@@ -43,13 +45,23 @@ def changes(name, plant):
     return rescaling_to(plant).changes(content, definition_keys(CONTROLLER_KINDS[content["kind"]].file))
 
 
-@pytest.mark.parametrize("name", list(controllers))
+@pytest.mark.parametrize("name", [name for name in controllers if is_for_shipped_ehsa(controllers[name])])
 def test_on_the_shipped_plant_every_shipped_number_stays(name):
     """No rescaled number exceeds the plant's limits."""
     path = controllers[name]
 
     assert changes(name, "ehsa") == {}
     assert check_controller_limits(path, read_controller(path)[1], load_plant("ehsa")) is None
+
+
+def test_a_shipped_controller_of_another_drive_is_a_base_as_it_is(tmp_path, monkeypatch):
+    """Its numbers are not those of the EHSA, so a design for its own plant keeps them."""
+    monkeypatch.chdir(tmp_path)
+    line = ["design", "emps", "--kind", "pid", "--base", "carriage_pid", "-o", "mine.toml"]
+    CliRunner().invoke(app, line, catch_exceptions=False)
+    mine, base = (tomllib.loads(path.read_text()) for path in (tmp_path / "mine.toml", controllers["carriage_pid"]))
+
+    assert {key for key in mine if mine[key] != base.get(key)} <= {"title"}
 
 
 def test_limits_period_and_weights_are_the_same_share_of_another_plant(rig):

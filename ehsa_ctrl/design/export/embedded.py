@@ -20,6 +20,7 @@ from ..kinds._scheduled_mpc_law import SCHEDULED_FUNCTIONS, ScheduledMpc, schedu
 from ..qp import QP_SOLVERS, is_strictly_convex
 from ..qp._dual_active_set import SOLVER_FUNCTIONS, TOLERANCES, work_size
 from ..state_space.mpc import SAMPLE_FUNCTIONS, Mpc, mpc_law, solve_embedded
+from ..state_space.mpc_cones import ConeSolver
 
 #: Iterations of the exact solver, enough for it never to stop early.
 EXACT_ITERATIONS = 10_000
@@ -45,9 +46,11 @@ def _exact_mpc(law: Mpc) -> Mpc:
 def embedded_law(law: Mpc | ScheduledMpc, tolerances: tuple[float, float]) -> EmbeddedMpc | EmbeddedScheduledMpc:
     """The law for the export.
 
-    Raises InputError for unknowns that have no quadratic cost.
+    Raises InputError for unknowns that have no quadratic cost, and for cones.
     """
     points = law.laws if isinstance(law, ScheduledMpc) else (law,)
+    if any(isinstance(each.external, ConeSolver) for each in points):
+        raise InputError("has cones, for which there is no C solver; expected a quadratic cost and linear constraints")
     if not all(is_strictly_convex(each.condensed.H) for each in points):
         raise InputError(
             "has unknowns without a quadratic cost, for which there is no C solver; expected squares instead of "

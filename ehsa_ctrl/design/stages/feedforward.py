@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from ...core.definition import Definition, Drive, In, InDrive, Second
 from . import adaptation
-from .adaptation import Adaptation, adapt, adaptation_settings
+from .adaptation import Adaptation, adapt, adaptation_settings, renew_factors
 
 #: First index of the adaptation's memory and settings in those of `feedforward`.
 M_ADAPT, S_ADAPT = 2, 9
@@ -26,8 +26,8 @@ M_ADAPT, S_ADAPT = 2, 9
 MEMORY, SETTINGS = M_ADAPT + adaptation.MEMORY, S_ADAPT + adaptation.SETTINGS
 
 
-def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings: np.ndarray) -> float:
-    """Current [A] for planned position, speed and acceleration (3,) and the measured force [N].
+def feedforward(planned: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
+    """Current [A] for planned position, speed and acceleration (3,) and the measurements (5,).
 
     settings: inertia [A s2/m], viscous [A s/m], stiffness [A/m], preload, coulomb, static [A], stribeck [m/s], load
     [A/N], coefficient of the force filter; then those of `adapt`. memory: filtered force [N], 1 after the first sample;
@@ -38,21 +38,22 @@ def feedforward(planned: np.ndarray, force: float, memory: np.ndarray, settings:
     own_inertia, own_viscous, own_load = settings[15], settings[16], settings[17]
     adapt(adapted, settings[9:])
     if memory[1] == 0.0:
-        memory[0], memory[1] = force, 1.0
-    memory[0] = decay * memory[0] + (1.0 - decay) * force
+        memory[0], memory[1] = measured[4], 1.0
+    memory[0] = decay * memory[0] + (1.0 - decay) * measured[4]
     x, v, a = planned[0], planned[1], planned[2]
+    if settings[9] > 0.0:
+        renew_factors(adapted, v, x - measured[3])
     current = load * memory[0] + inertia * a + viscous * v + stiffness * x + preload
     friction = 0.0
     if v != 0.0 and static > 0.0:
         friction = coulomb + (static - coulomb) * exp(-abs(v) / stribeck)
         friction = friction if v > 0.0 else -friction
-        current += (1.0 + adapted[8]) * friction
+        current += (1.0 + adapted[14]) * friction
     # A law may know the viscous friction of the model itself; then only the difference is fed forward.
-    current += adapted[7] * own_viscous * v
-    adapted[1] = own_inertia * a + stiffness * x + preload + own_load * force
+    current += adapted[13] * own_viscous * v
+    adapted[1] = own_inertia * a + stiffness * x + preload + own_load * measured[4]
     adapted[2] = own_viscous * v
     adapted[3] = friction
-    adapted[9] = 1.0 if v != 0.0 else 0.0
     return current
 
 

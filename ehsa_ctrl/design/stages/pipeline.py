@@ -15,7 +15,7 @@ from . import feedforward as _feedforward
 from . import rest as _rest
 from . import supervision as _supervision
 from . import trajectory as _trajectory
-from .adaptation import adapt
+from .adaptation import adapt, renew_factors
 from .feedforward import M_ADAPT, feedforward
 from .rest import decide_hold, knock, rest
 from .supervision import supervise
@@ -54,12 +54,14 @@ def run_stages(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, 
     plan(reference, readings[3], memory[M_PLAN:M_FEED], settings[S_PLAN:S_FEED])
     planned = memory[M_PLAN : M_PLAN + 3]
     rest(planned, readings, memory[M_REST:M_LAW], settings[S_REST:S_LAW])
-    extra = feedforward(planned, readings[4], memory[M_FEED:M_REST], settings[S_FEED:S_REST])
+    extra = feedforward(planned, readings, memory[M_FEED:M_REST], settings[S_FEED:S_REST])
     return extra + memory[M_REST + 1]
 
 
 #: Functions of the stages, each after those that it calls, for compilation and the export to C.
-STAGES: tuple[Callable[..., Any], ...] = (supervise, plan, adapt, feedforward, knock, decide_hold, rest, run_stages)
+STAGES: tuple[Callable[..., Any], ...] = (
+    supervise, plan, adapt, renew_factors, feedforward, knock, decide_hold, rest, run_stages,
+)  # fmt: skip
 
 
 def pipeline(

@@ -182,7 +182,7 @@ class Mpc(WordsByUnit):
     Attributes
     ----------
     feedback: the law without limits: model, target, observer and regulator.
-    problem: the quadratic programme. solver: a key of QP_SOLVERS.
+    problem: the quadratic programme. solver: a key of QP_SOLVERS, or the name of `external`.
     iteration_limit: of the solver, per sample.
     deadline: s, after which a solution is discarded; None waits for it. With one, a run depends on the machine.
     external: a solver of this problem that replaces the named one.

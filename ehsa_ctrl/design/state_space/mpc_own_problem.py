@@ -2,11 +2,13 @@
 
 cvxpy canonicalises the problem once. Its vectors are affine in the sample's parameters, its matrices constant: both are
 read off, variables that equations determine are eliminated, and what is left has the form of `Condensed`. So the loop,
-the solvers, the status, the fallback and the export to C are those of the MPC from a file.
+the solvers, the status, the fallback and the export to C are those of the MPC from a file. The solver is one of those,
+or OSQP in C code that cvxpygen writes, or Clarabel for a problem with cones.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,13 +16,15 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError, shown
-from ..qp import NO_BOUND, QP_SOLVERS, SOLVED, is_strictly_convex
+from ..qp import NO_BOUND, SOLVED, QpSolver, is_strictly_convex
 from .mpc import Mpc
+from .mpc_canonical import ROUNDING, Data, affine_in_parameter, currents_first, symmetric
+from .mpc_compiled import compiled_qp, has_cvxpygen
+from .mpc_cones import cone_programme
 from .mpc_problem import Condensed
 from .mpc_terms import MpcTerms
 
-#: Relative size below which a number that cvxpy and the elimination give is rounding.
-ROUNDING = 1e-10
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -35,29 +39,36 @@ class CanonicalForm:
     g: np.ndarray
 
 
-def with_own_problem(law: Any, state: Callable[[MpcTerms], Any]) -> Mpc:
-    """The MPC with the cost and constraints that `state(terms)` returns; see `load_controller`.
+def with_own_problem(law: Any, state: Callable[[MpcTerms], Any], compiled: bool | None = None) -> Mpc:
+    """The MPC with the cost and constraints that `state(terms)` returns; arguments as in `load_controller`.
 
     The hard limits of the current, and of its rate if the file has one, apply as well.
 
-    Raises InputError for a law that is no MPC, and for a problem that is not a convex quadratic programme whose
-    parameters enter linearly.
+    Raises InputError for a law that is no MPC, for a problem that is not convex or whose parameters do not enter
+    linearly, for one that is infeasible at rest, and if `compiled` is True and it can't be compiled.
     """
     if not isinstance(law, Mpc):
         raise InputError('problem: is for a controller of kind = "mpc"; expected one, such as "mpc_position"')
     terms = MpcTerms(law.problem)
-    found = condense_form(canonical_form(complete_problem(law, terms, state), terms), terms.horizon)
-    solver = law.solver if is_strictly_convex(found.H) else "osqp"
-    own = replace(law, own=found, solver=solver, external=None)
-    v, bounds = len(found.F), found.lower.size
+    problem = complete_problem(law, terms, state)
+    external: QpSolver | None = None
+    if problem.is_qp():
+        found = condense_form(canonical_form(problem, terms), terms.horizon)
+        solver, external = _solver_of(found, law, compiled)
+    elif compiled:
+        raise InputError("problem: has cones, which are not compiled; leave compiled out, and Clarabel solves it")
+    else:
+        found, external = cone_programme(problem, terms, law.iteration_limit, law.deadline)
+        solver = "clarabel"
+    own = replace(law, own=found, solver=solver, external=external)
     rest = np.zeros(found.F.shape[1])
     rest[-1] = 1.0
-    trial = (
-        QP_SOLVERS[solver]
-        .make(found.H, found.G, law.iteration_limit, None)
-        .solve(
-            found.F @ rest, found.lower + found.T @ rest, found.upper + found.T @ rest, np.zeros(v), np.zeros(bounds)
-        )
+    trial = own.qp.solve(
+        found.F @ rest,
+        found.lower + found.T @ rest,
+        found.upper + found.T @ rest,
+        np.zeros(len(found.F)),
+        np.zeros(found.lower.size),
     )
     if trial.status != SOLVED:
         raise InputError(
@@ -65,6 +76,18 @@ def with_own_problem(law: Any, state: Callable[[MpcTerms], Any]) -> Mpc:
             "violate soft, by a variable that the cost weighs"
         )
     return own
+
+
+def _solver_of(found: Condensed, law: Mpc, compiled: bool | None) -> tuple[str, QpSolver | None]:
+    """Name of the solver, and the compiled one, if it is that."""
+    if compiled or (compiled is None and has_cvxpygen()):
+        try:
+            return "osqp, compiled by cvxpygen", compiled_qp(found, law.iteration_limit)
+        except InputError as error:
+            if compiled:
+                raise
+            log.warning("%s; it is solved without", error)
+    return (law.solver if is_strictly_convex(found.H) else "osqp"), None
 
 
 def complete_problem(law: Mpc, terms: MpcTerms, state: Callable[[MpcTerms], Any]) -> Any:
@@ -79,6 +102,8 @@ def complete_problem(law: Mpc, terms: MpcTerms, state: Callable[[MpcTerms], Any]
             f"problem: returned {shown(given)}; expected a cost, or (cost, constraints), expressions of cvxpy"
         )
     rules = list(rules)
+    if isinstance(cost, cp.Expression):
+        cost, rules = with_numbers(cost, rules, terms)
     wrong = [rule for rule in rules if not isinstance(rule, cp.constraints.constraint.Constraint)]
     if wrong:
         raise InputError(f"problem: one of the constraints is {shown(wrong[0])}; expected expressions such as x <= 1")
@@ -94,20 +119,29 @@ def complete_problem(law: Mpc, terms: MpcTerms, state: Callable[[MpcTerms], Any]
         raise InputError("problem: is not convex by cvxpy's rules; expected a convex cost and convex constraints")
     if problem.is_mixed_integer():
         raise InputError("problem: has an integer or boolean variable; expected continuous ones")
-    if not problem.is_qp():
-        raise InputError(
-            "problem: is no quadratic programme; expected a cost of squares, absolute values and maxima, and "
-            "linear constraints"
-        )
-    strangers = [each.name() for each in problem.parameters() if each.id != terms.parameter.id]
-    if strangers:
-        raise InputError(f"problem: has the parameter {strangers[0]} of its own; put its number there instead")
     if not problem.is_dcp(dpp=True):
         raise InputError(
             "problem: a term is multiplied by another one that changes from sample to sample; expected numbers as "
             "weights"
         )
     return problem
+
+
+def with_numbers(cost: Any, rules: list[Any], terms: MpcTerms) -> tuple[Any, list[Any]]:
+    """Cost and constraints with the user's own parameters as constants. Raises InputError for one without a value."""
+    import cvxpy
+
+    cp: Any = cvxpy
+    numbers: dict[int, Any] = {}
+    for each in [cost, *(rule for rule in rules if hasattr(rule, "parameters"))]:
+        for own in each.parameters():
+            if own.id != terms.parameter.id and own.value is None:
+                raise InputError(f"problem: its parameter {own.name()} has no value; set {own.name()}.value before")
+            if own.id != terms.parameter.id:
+                numbers.setdefault(id(own), cp.Constant(own.value))
+    if not numbers:
+        return cost, rules
+    return cost.tree_copy(numbers), [rule.tree_copy(numbers) if hasattr(rule, "tree_copy") else rule for rule in rules]
 
 
 def canonical_form(problem: Any, terms: MpcTerms) -> CanonicalForm:
@@ -119,7 +153,7 @@ def canonical_form(problem: Any, terms: MpcTerms) -> CanonicalForm:
 
     size = terms.parameter.size
 
-    def at(p: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray], Any]:
+    def at(p: np.ndarray) -> Data:
         terms.parameter.value = p
         data = problem.get_problem_data(cvxpy.OSQP)[0]
         rows, sides = [data["F"].toarray()], [data["G"]]
@@ -132,17 +166,10 @@ def canonical_form(problem: Any, terms: MpcTerms) -> CanonicalForm:
         matrices = [data["P"].toarray(), data["A"].toarray(), np.vstack(rows)]
         return matrices, [data["q"], data["b"], np.concatenate(sides)], data["param_prob"]
 
-    matrices, origin, program = at(np.zeros(size))
-    others = at(np.random.default_rng(0).normal(size=size))[0]
-    if any(m.shape != o.shape or not np.allclose(m, o, rtol=ROUNDING) for m, o in zip(matrices, others, strict=True)):
-        raise InputError("problem: a weight changes from sample to sample; expected numbers as weights")
-    columns = [at(unit)[1] for unit in np.eye(size)]
-    q, b, g = (np.column_stack([*(column[k] - origin[k] for column in columns), origin[k]]) for k in range(len(origin)))
-    first = program.var_id_to_col[terms.effort.id]
-    places = np.arange(first, first + terms.horizon)
-    order = np.r_[places, np.delete(np.arange(q.shape[0]), places)]
-    P, A, F = matrices[0][np.ix_(order, order)], matrices[1][:, order], matrices[2][:, order]
-    return CanonicalForm(P + P.T - np.diag(np.diag(P)) if np.allclose(P, np.triu(P)) else P, q[order], A, b, F, g)
+    matrices, (q, b, g), program = affine_in_parameter(at, size)
+    order = currents_first(program, terms, len(q))
+    P, A, F = matrices
+    return CanonicalForm(symmetric(P)[np.ix_(order, order)], q[order], A[:, order], b, F[:, order], g)
 
 
 def condense_form(form: CanonicalForm, horizon: int) -> Condensed:

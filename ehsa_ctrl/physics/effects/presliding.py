@@ -20,10 +20,12 @@ def critical_damping(compliance: float, plant: Mapping[str, float]) -> float:
     return sqrt(plant["M"] / compliance)
 
 
-def deflection(P_1: float, P_2: float, x: float, A: float, K_S: float, x_C: float, A_FR: float, C_FR: float) -> float:
+def deflection(
+    P_1: float, P_2: float, x: float, A: float, K_S: float, x_C: float, x_R: float, A_FR: float, C_FR: float
+) -> float:
     """Force on the bristles of a rod at rest [N], at most breakaway friction; z is this force times the compliance."""
     breakaway = A_FR + C_FR
-    return min(max(A * (P_1 - P_2) - K_S * load.deflection(x, x_C), -breakaway), breakaway)
+    return min(max(A * (P_1 - P_2) - K_S * load.deflection(x, x_C, x_R), -breakaway), breakaway)
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:

@@ -104,11 +104,12 @@ system = System(
         ("motor_friction", "rod_friction", "chamber_volume_variation"),
     ),
     contacts=(SHAFT, ROD),
-    # Contact with a load behind a gap; resolved to 1e-9 of this length [m] at the default tolerance.
-    kinks={"x_into": 0.02},
+    # Contacts with loads behind a gap; resolved to 1e-9 of this length [m] at the default tolerance.
+    kinks={"x_into": 0.02, "x_from": 0.02},
     equations=(
         *SHAFT_TO_PISTON,
         ("x_into", load.penetration),
+        ("x_from", load.clearance),
         ("s", load.deflection),
         ("F_EXT", load.force),
         ("F_net", rod.net_force),
@@ -136,6 +137,9 @@ system = System(
         ParameterKind("m_L", "kg", "mass of the load, behind the load cell (load.mass)", 0.0, default=0.0),
         ParameterKind(
             "x_C", "m", "position at which the rod meets the load (load.gap); -inf: attached", -inf, default=-inf
+        ),
+        ParameterKind(
+            "x_R", "m", "the same for a retracting rod (load.gap_retracting); -inf: none there", -inf, default=-inf
         ),
     ),
     balances=(

@@ -220,6 +220,8 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
         yield Paragraph(Link(f"Linear loop: {loop_sentence(run['margins'])}", loops[_loop_key(run)]))
     else:
         yield Paragraph("The controller has no linear feedback, so no margins are defined.")
+    if run.get("solver_words"):
+        yield Paragraph(f"{run['solver_words'].capitalize()}.")
 
 
 def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
