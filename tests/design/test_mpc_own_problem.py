@@ -141,18 +141,6 @@ def test_a_plan_stays_in_its_cone(model, shipped):
     np.testing.assert_allclose(found.x[: terms.horizon], terms.effort.value, rtol=0, atol=1e-3)
 
 
-def test_a_cone_that_is_infeasible_takes_the_fallback(linear, model):
-    """A hard limit in a cone that the start violates: status and fallback as for a quadratic programme."""
-    own = without_trajectory(model, problem=lambda m: (m.cost, [cp.norm_inf(m.position) + cp.norm(m.position) <= 0.02]))
-    start = np.zeros(len(linear.structure.equations.states))
-    start[linear.structure.equations.index("x")] = 0.02
-    start[linear.structure.equations.index("P_1")] = start[linear.structure.equations.index("P_2")] = linear["P_0"]
-    run = e.run_closed_loop(linear, own, np.zeros(200), start=start)
-
-    assert run["solver_status"][0] == 3.0 and run["solver_reason"][0] == 1.0
-    assert run["solver_status"][-1] == 0.0 and abs(run["x"][-1]) < 1e-4
-
-
 def test_parameters_of_the_user_count_with_their_value(linear, model, shipped):
     """A parameter as weight gives the moves of the number."""
 
@@ -269,11 +257,17 @@ def test_terms_predict_the_model(model, shipped):
         np.testing.assert_allclose(terms.position.value[k], design.row("position") @ x, rtol=1e-9, atol=1e-12)
 
 
-def test_a_sample_without_solution_takes_the_fallback(linear, model):
+@pytest.mark.parametrize(
+    "limit",
+    [
+        lambda m: [m.position <= 0.01, m.position >= -0.01],
+        lambda m: [cp.norm_inf(m.position) + cp.norm(m.position) <= 0.02],
+    ],
+    ids=["linear", "cone"],
+)
+def test_a_sample_without_solution_takes_the_fallback(linear, model, limit):
     """A hard limit that the start violates: the run goes on, and the status tells."""
-    own = without_trajectory(
-        model, problem=lambda m: (m.cost, [m.position <= 0.01, m.position >= -0.01]), compiled=False
-    )
+    own = without_trajectory(model, problem=lambda m: (m.cost, limit(m)), compiled=False)
     start = np.zeros(len(linear.structure.equations.states))
     start[linear.structure.equations.index("x")] = 0.02
     start[linear.structure.equations.index("P_1")] = start[linear.structure.equations.index("P_2")] = linear["P_0"]
