@@ -1,9 +1,10 @@
 """Why a cause was missed or a wrong one named: the true set of causes beside that of the answer.
 
 Both sets are fitted to the training data as in a diagnosis, the true one from its true sizes, and scored on training
-and held-out data. If the true set is clearly ahead, the search missed it. If neither is ahead by the margin that a
-diagnosis asks for, the log can't tell them apart; a diagnosis then prefers the smaller set. If the answer's set is
-clearly ahead, the true law has another form than the catalogue's, or the noise of the log favours the other.
+and held-out data. If a diagnosis would select the true one of the two, its search missed it. If that is clearly ahead
+and still not selected, its further cause explains less than a diagnosis asks for. If neither is ahead by the margin,
+the log can't tell them apart. If the answer's set is clearly ahead, the true law has another form than the catalogue's,
+or the noise of the log favours the other.
 
 python benchmarks/true_set.py results/rigs --jobs 2
 """
@@ -24,7 +25,7 @@ from joblib import Parallel, delayed
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Task, hypothesis_key
-from ehsa_ctrl.diagnosis.model_selection import Reference
+from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates, split_logs
@@ -43,7 +44,7 @@ from score import read_answers, settings_of
 THRESHOLD = 0.03
 #: Most combinations of forms of the true effects that are fitted.
 MOST_FORMS = 6
-SEARCH, SMALLER, UNTOLD = "the search missed it", "the truth is smaller and fits as well", "the log can't tell"
+SEARCH, SELECTION, UNTOLD = "the search missed it", "its further cause explains too little", "the log can't tell"
 OTHER, ABSENT = "the other fits better", "no such form"
 
 
@@ -93,9 +94,10 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
     given, true = scored[0], min((one for one in scored[1:] if one), key=lambda one: one.deviance, default=None)
     if given is None or true is None:
         return Comparison(name, *names, None, ABSENT)
-    ahead = (given.deviance - true.deviance) / Reference.of(scoring).margin(min(given, true, key=_deviance))
-    smaller = len(names[0]) < len(names[1])
-    why = SEARCH if ahead > 1.0 else OTHER if ahead < -1.0 else SMALLER if smaller else UNTOLD
+    reference = Reference.of(scoring)
+    ahead = (given.deviance - true.deviance) / reference.margin(min(given, true, key=_deviance))
+    selected = select_model([given, true], reference, THRESHOLD).chosen is true
+    why = SEARCH if selected else SELECTION if ahead > 1.0 else UNTOLD if ahead > -1.0 else OTHER
     return Comparison(name, *names, ahead, why)
 
 
