@@ -53,6 +53,8 @@ def folds_of(
         return ()
     folds = list(zip(*(thirds(len(one.log)) for one in logs), strict=True))
     moving = [f for f in folds if all(excitation(one.record, s) >= EXCITED for one, s in zip(logs, f, strict=True))]
+    if len(moving) < 2:
+        return ()
 
     def without(fold: Sequence[Split]) -> Fold | None:
         pairs = list(zip(logs, fold, strict=True))
@@ -67,7 +69,7 @@ def folds_of(
         return Fold(fold[0].name, {"nominal": held_out.gap({}), "with_effects": held_out.gap(found.values)})
 
     found = pool.map("thirds held out in turn", without, moving)
-    return tuple(one for one in found if one is not None) if len(moving) > 1 else ()
+    return tuple(one for one in found if one is not None)
 
 
 def folds_sentence(folds: Sequence[Fold]) -> str:
