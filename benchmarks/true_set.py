@@ -36,7 +36,7 @@ from ehsa_ctrl.physics.effects import CandidateEffect
 
 # The bench's modules are scripts beside one another, which do not know the package.
 sys.path.append(str(Path(__file__).parent / "withheld"))
-from answer_score import NAMING, score_answer
+from answer_score import NAMING, acting_effects, score_answer
 from effects_outside import OUTSIDE
 from key_formats import read_key
 from score import read_answers, settings_of
@@ -76,13 +76,14 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
     segments = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True)
     objective, sensitivities = objective_of(segments.training, THRESHOLD)
     candidates = segment_candidates(segments.training)
-    names = tuple(one["id"] for one in key["effects"]), tuple(one["id"] for one in answer["effects"])
-    true_sets = _sets(key["effects"], candidates)
+    effects = acting_effects(key)
+    names = tuple(one["id"] for one in effects), tuple(one["id"] for one in answer["effects"])
+    true_sets = _sets(effects, candidates)
     named = [_nearest(one, candidates) for one in answer["effects"]]
     if not true_sets or None in named:
         return Comparison(name, *names, None, ABSENT)
     tasks = [Task(tuple(one for one in named if one), _sizes(answer["effects"]))]
-    tasks += [Task(members, _starts(members) | _sizes(key["effects"])) for members in true_sets]
+    tasks += [Task(members, _starts(members) | _sizes(effects)) for members in true_sets]
     hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
     windows = windows_of([one.plant for one in prepared.logs], segments.training)
     for _ in range(2):
@@ -95,14 +96,10 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
     if given is None or true is None:
         return Comparison(name, *names, None, ABSENT)
     reference = Reference.of(scoring)
-    ahead = (given.deviance - true.deviance) / reference.margin(min(given, true, key=_deviance))
+    ahead = (given.deviance - true.deviance) / reference.margin(min(given, true, key=lambda one: one.deviance))
     selected = select_model([given, true], reference, THRESHOLD).chosen is true
     why = SEARCH if selected else SELECTION if ahead > 1.0 else UNTOLD if ahead > -1.0 else OTHER
     return Comparison(name, *names, ahead, why)
-
-
-def _deviance(one: ScoredHypothesis) -> float:
-    return one.deviance
 
 
 def _scored(scoring: Scoring, hypotheses: Hypotheses, task: Task) -> ScoredHypothesis | None:
@@ -152,12 +149,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     due = []
     for name in options.only or sorted(keys):
         answer, row = answers[name], score_answer(name, keys[name], answers[name])
-        if (
-            answer
-            and answer["verdict"] in NAMING
-            and row.verdict not in (OUTSIDE, "no_gap")
-            and (row.missed or row.wrong)
-        ):
+        names_causes = answer is not None and answer["verdict"] in NAMING
+        if names_causes and row.verdict not in (OUTSIDE, "no_gap") and (row.missed or row.wrong):
             due.append(name)
     work = (delayed(compare)(options.cases, name, keys[name], answers[name]) for name in due)
     rows = Parallel(options.jobs, verbose=1)(work)

@@ -78,7 +78,7 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
 
     An effect that makes no gap beside the others is no cause: to name it is neither right nor wrong.
     """
-    acting = [effect for effect in key["effects"] if _acts(effect)]
+    acting = acting_effects(key)
     causes = [_accepted(effect) for effect in acting]
     truth = tuple(effect["id"] for effect in acting)
     catalogued = [cause for cause, id in zip(causes, truth, strict=True) if id != OUTSIDE]
@@ -91,7 +91,7 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     found = [any(_covers(e, cause) for e in named) for cause in catalogued]
     off: set[Name] = {(UNCERTAIN[p], None) for p in key.get("parameter_errors", {})}
     off |= {_name(e) for e in key.get("below_threshold", [])}
-    off |= {name for effect in key["effects"] if not _acts(effect) for name in _accepted(effect)}
+    off |= {name for effect in key["effects"] if effect not in acting for name in _accepted(effect)}
     stray = [e for e in named if not any(_covers(e, cause) for cause in catalogued)]
     wrong = tuple(e["id"] for e in stray if _name(e) not in off)
     first = effects[0] if effects and verdict != "no_gap" else None
@@ -138,10 +138,14 @@ def score_answer(name: str, key: Mapping[str, Any], answer: Mapping[str, Any] | 
     )
 
 
-def _acts(effect: Mapping[str, Any]) -> bool:
-    """Whether an effect makes a gap beside the others; older keys do not say so."""
-    beside = effect.get("beside")
-    return effect["id"] == OUTSIDE or not beside or not max(beside[signal] for signal in SIGNALS) < THRESHOLD
+def acting_effects(key: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The effects of a key that make a gap beside the others; older keys do not say so."""
+
+    def hidden(effect: Mapping[str, Any]) -> bool:
+        beside = effect.get("beside")
+        return effect["id"] != OUTSIDE and bool(beside) and max(beside[signal] for signal in SIGNALS) < THRESHOLD
+
+    return [effect for effect in key["effects"] if not hidden(effect)]
 
 
 def _places(effect: Mapping[str, Any]) -> list[str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..core.result import as_dict
 from ..core.text import join_words
 from .objective import Objective
 from .pool import Pool
@@ -35,8 +34,6 @@ class Fold:
 
     part: str
     gap: Mapping[str, Mapping[str, float]]
-
-    to_dict = as_dict
 
 
 def folds_of(

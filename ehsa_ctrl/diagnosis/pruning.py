@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from .hypothesis_search import Hypotheses, Key, Task, hypothesis_key
 from .model_selection import Reference, Selection, select_model
-from .scoring import ScoredHypothesis, Scoring, exact_members
+from .scoring import ScoredHypothesis, Scoring, exact_members, new_scores
 from .sizes import MAX_LARGER
 
 #: Most causes that are left out one after the other. Engineering judgement: sets have at most six.
@@ -44,9 +44,7 @@ def prune(
         if not tasks:
             break
         hypotheses = hypotheses.with_refits(tasks, "sets with one cause less", steps=6, renew_after=2)
-        scored = {id(one.fit) for one in scores}
-        unscored = [fit for fit in hypotheses.fits_of(tasks) if id(fit) not in scored]
-        scores += hypotheses.pool.map("scores", scoring.score, unscored)
+        scores += new_scores(hypotheses, scoring, hypotheses.fits_of(tasks), scores)
         again = select_model(scores, reference, threshold)
         smaller = len(again.chosen.causes) < len(chosen.causes)
         if smaller and _costs(chosen, again.chosen) > MAX_LARGER * threshold:

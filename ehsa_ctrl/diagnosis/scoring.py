@@ -262,10 +262,8 @@ def score_hypotheses(
 
     def score_best(hypotheses: Hypotheses, known: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         best = [hypotheses.fits[()], *(fit for size in hypotheses.sizes for fit in hypotheses.best(size)[:N_SCORED])]
-        before = {id(one.fit): one for one in known}
-        new = [fit for fit in best if id(fit) not in before]
-        before |= {id(one.fit): one for one in hypotheses.pool.map("scores", scoring.score, new)}
-        return [before[id(fit)] for fit in best]
+        scored = {id(one.fit): one for one in [*known, *new_scores(hypotheses, scoring, best, known)]}
+        return [scored[id(fit)] for fit in best]
 
     first = score_best(hypotheses, [])
     ranked = rank(first)
@@ -287,9 +285,7 @@ def score_hypotheses(
     hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
     hypotheses = hypotheses.with_nested_refits([*exact, *near], "neighbouring sets")
     scores = score_best(hypotheses, refined)
-    scored = {id(one.fit) for one in scores}
-    unscored = [fit for fit in hypotheses.fits_of([*exact, *near]) if id(fit) not in scored]
-    scores += hypotheses.pool.map("scores", scoring.score, unscored)
+    scores += new_scores(hypotheses, scoring, hypotheses.fits_of([*exact, *near]), scores)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.paths}: neither the nominal plant nor any refit of it can be "
@@ -309,6 +305,14 @@ def _bases(exact: Sequence[ScoredHypothesis], ranked: Sequence[ScoredHypothesis]
         dominant = max(best[0].causes, key=lambda key: largest(best[0].own_gaps[key]))
         best += [one for one in ranked if one.causes and dominant not in one.causes][:1]
     return list({id(one.fit): one for one in best}.values())
+
+
+def new_scores(
+    hypotheses: Hypotheses, scoring: Scoring, fits: Sequence[HypothesisFit], known: Sequence[ScoredHypothesis]
+) -> list[ScoredHypothesis]:
+    """Scores of those fits that are not among the known scores."""
+    before = {id(one.fit) for one in known}
+    return hypotheses.pool.map("scores", scoring.score, [fit for fit in fits if id(fit) not in before])
 
 
 def exact_members(

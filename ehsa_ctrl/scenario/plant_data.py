@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..core.controller_interface import MEASURED
 from ..core.definition import merged
 from ..core.errors import InputError
+from ..core.unit import parse
 from ..design.controller import SampledController
 from ..design.kinds import ControllerFile
 from ..design.load import build_controller, load_controller, read_content
@@ -20,6 +22,8 @@ from ..plant.plant import Plant
 if TYPE_CHECKING:
     import control
 
+#: Unit of a drive -> shipped plant with such a drive.
+PLANT_WITH_DRIVE = {"A": "ehsa", "N": "emps"}
 #: Key of a controller's TOML -> the plant rating that bounds it.
 BOUNDED = {
     "current_limit": "current",
@@ -38,6 +42,15 @@ class Rating(NamedTuple):
     value: float
     unit: str
     source: str
+
+
+def plant_with_drive(limit: Any) -> str:
+    """Name of the shipped plant whose drive has the unit of a controller's current_limit; the EHSA for any other."""
+    for unit, name in PLANT_WITH_DRIVE.items():
+        with suppress(InputError):
+            parse(str(limit), unit)
+            return name
+    return "ehsa"
 
 
 def ratings(plant: Plant) -> dict[str, Rating]:

@@ -15,7 +15,6 @@ from ..core.controller_interface import MEASURED, Controller
 from ..core.errors import InputError
 from ..core.files import read_toml
 from ..core.registry import add_project
-from ..core.unit import parse
 from ..design.controller import SampledController
 from ..design.load import load_controller, read_controller
 from ..physics.effects import read_law
@@ -30,7 +29,7 @@ from .definition import Scenario, load_scenario, require_drive_unit
 from .disturbances import faults_of
 from .log_controller import log_controller
 from .metrics import METRICS, loop_metrics
-from .plant_data import check_controller_limits, own_controller
+from .plant_data import check_controller_limits, own_controller, plant_with_drive
 from .result import LimitCheck, failures_of
 from .uncertainty import uncertainty_of
 
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
 
 #: Largest number of samples of a scenario, 67 min at 250 Hz; a longer one probably has a wrong time unit.
 MAX_SAMPLES = 1_000_000
-#: Unit of a drive -> shipped plant with such a drive.
-PLANT_WITH_DRIVE = {"A": "ehsa", "N": "emps"}
 
 
 class Evaluation(NamedTuple):
@@ -234,22 +231,13 @@ def _check_length(scenario: Scenario, controller: Controller) -> None:
         )
 
 
-def _plant_with_drive(limit: Any) -> str:
-    """Name of the shipped plant whose drive has the unit of a controller's current_limit; the EHSA for any other."""
-    for unit, name in PLANT_WITH_DRIVE.items():
-        with suppress(InputError):
-            parse(str(limit), unit)
-            return name
-    return "ehsa"
-
-
 def with_drive_of(names: Sequence[str], plant: str | Path | None, given: Sequence[str | Path]) -> list[str]:
     """The scenarios whose own plant has a drive in the unit of this plant's and these controllers' drives.
 
     A scenario whose own plant can't be read stays.
     """
     limits = [read_toml(controllers.find(name)).get("current_limit") for name in given]
-    asked = {_drive_unit(one) for one in (*([plant] if plant else []), *map(_plant_with_drive, limits))}
+    asked = {_drive_unit(one) for one in (*([plant] if plant else []), *map(plant_with_drive, limits))}
     return [name for name in names if not (unit := own_drive_unit(name)) or asked <= {unit}]
 
 
@@ -285,7 +273,7 @@ def check_definition(path: Path, *, plant: str | Path | None = None) -> str:
                 log_controller(load_plant(path, model=model))
         return "plant"
     if "kind" in content:
-        loaded = load_plant(plant or _plant_with_drive(content.get("current_limit")), model="linear")
+        loaded = load_plant(plant or plant_with_drive(content.get("current_limit")), model="linear")
         if plant is not None:
             read = read_controller(path, loaded.sample_time, loaded.structure.system.drive_unit)[1]
             check_controller_limits(path, read, loaded)

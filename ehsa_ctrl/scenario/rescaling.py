@@ -17,7 +17,6 @@ from pydantic import BaseModel
 
 from ..core.catalogue import is_shipped, shipped
 from ..core.definition import InDrive, drive_quantities
-from ..core.errors import InputError
 from ..core.files import read_toml
 from ..core.unit import factor, parse
 from ..design.state_space.kalman import Observer
@@ -25,7 +24,7 @@ from ..design.tuning.constraints import Tuning
 from ..plant.load import has_setting, load_plant, models_of, with_settings
 from ..plant.motion_current import has_motion_current, is_carriage, motion_current
 from ..plant.plant import Plant
-from .plant_data import BOUNDED, Rating, ratings
+from .plant_data import BOUNDED, Rating, plant_with_drive, ratings
 
 #: Characteristic value of a plant -> keys of controllers and scenarios that scale with it.
 SCALES_WITH = {
@@ -148,13 +147,7 @@ class Rescaling:
 
 def is_for_shipped_ehsa(path: Path) -> bool:
     """Whether this is a shipped controller whose drive is a current, so that its numbers are those of the EHSA."""
-    if not is_shipped("controllers", path):
-        return False
-    try:
-        parse(str(read_toml(path).get("current_limit", "1 A")), "A")
-    except InputError:
-        return False
-    return True
+    return is_shipped("controllers", path) and plant_with_drive(read_toml(path).get("current_limit")) == "ehsa"
 
 
 def rescaling_to(plant: str | Path, settings: Mapping[str, str | float] | None = None) -> Rescaling:

@@ -1,10 +1,16 @@
 """An MPC with cost and constraints stated in cvxpy: same loop, status, fallback and export as the shipped one."""
 
+import sys
+from pathlib import Path
+
 import cvxpy as cp
 import numpy as np
 import pytest
 
 import ehsa_ctrl as e
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+from mpc_own_problem import restated
 
 T_S = 0.004
 #: A step of 30 mm with noise-free sensors saturates current, its rate and the speed limit.
@@ -31,22 +37,6 @@ def without_trajectory(model, **options):
     from dataclasses import replace
 
     return replace(e.load_controller("mpc_position", model, **options), trajectory=None)
-
-
-def restated(law):
-    """The shipped problem in the terms of the user's."""
-    limits, penalty = law.problem.limits, law.problem.penalty
-
-    def state(m):
-        slack = cp.Variable(3, nonneg=True)
-        rules = [
-            cp.abs(m.speed) / limits.speed <= 1 + slack[0],
-            cp.abs(m.pressure) / limits.pressure <= 1 + slack[1],
-            cp.abs(m.position) / limits.stroke <= 1 + slack[2],
-        ]
-        return m.cost + penalty * (cp.sum(slack) + 0.5 * cp.sum_squares(slack)), rules
-
-    return state
 
 
 def test_the_shipped_problem_in_cvxpy_gives_the_shipped_moves(linear, model, shipped):

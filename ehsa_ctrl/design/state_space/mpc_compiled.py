@@ -46,6 +46,7 @@ _WRITE = f"from {__name__} import write_code; write_code()"
 
 
 def has_cvxpygen() -> bool:
+    """Whether cvxpygen is installed."""
     return find_spec("cvxpygen") is not None
 
 

@@ -52,12 +52,14 @@ def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffec
     reach = float(np.max(np.abs(positions[0])))
     stop = replace(effect_number(effect, context, "x_stop", 0.02 * reach), lower=1e-3)
     cushion = replace(effect_number(effect, context, "x_cushion", 0.05 * reach), lower=1e-3)
-    forces = [("B_cushion", GAP, 0.1 * GAP), ("K_cushion", STIFFNESS, 0.3 * STIFFNESS), ("C_cushion", 0.0, GAP)]
+    forces = (
+        FreeNumber("B_cushion", GAP, 0.1 * GAP, 0.0),
+        FreeNumber("K_cushion", STIFFNESS, 0.3 * STIFFNESS, 0.0),
+        FreeNumber("C_cushion", 0.0, GAP, 0.0),
+    )
     return [
         from_levels(effect, stop, [share * reach for share in (1.002, 0.985, 0.9)]),
-        from_levels(
-            effect, cushion, [share * reach for share in (0.85, 0.65)], *(FreeNumber(*one, 0.0) for one in forces)
-        ),
+        from_levels(effect, cushion, [share * reach for share in (0.85, 0.65)], *forces),
     ]
 
 

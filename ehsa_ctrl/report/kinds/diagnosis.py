@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -316,8 +316,7 @@ def _gaps(content: Content) -> Section:
     rows = []
     for name in gaps["nominal"]:
         words = name if name == "total" else signal_display(name).words
-        cells = [gaps[model].get(name) for model in models]
-        marked = [f"{'● ' if cell is not None and cell >= limit else ''}{percent(cell, 2)}" for cell in cells]
+        marked = _marked([gaps[model].get(name) for model in models], limit)
         rows.append([words, percent(whole.get(name), 2), *marked])
     head = ["signal", "whole log\nnominal", *(f"held out\n{MODEL_WORDS[model]}" for model in models)]
     caption = (
@@ -338,14 +337,17 @@ def _gaps(content: Content) -> Section:
     return Section("Gap of each model", blocks, "gaps")
 
 
+def _marked(gaps: Iterable[float | None], limit: float) -> list[str]:
+    """Gaps in percent, with a mark where they are relevant."""
+    return [f"{'● ' if gap is not None and gap >= limit else ''}{percent(gap, 2)}" for gap in gaps]
+
+
 def _by_third(content: Content) -> Table:
     """Gaps with each third of the log held out in turn."""
     limit, rows = content["threshold"], []
     for fold in content["folds"]:
         for model in ("nominal", "with_effects"):
-            gaps = fold["gap"][model]
-            marked = [f"{'● ' if gap is None or gap >= limit else ''}{percent(gap, 2)}" for gap in gaps.values()]
-            rows.append([fold["part"], MODEL_WORDS[model], *marked])
+            rows.append([fold["part"], MODEL_WORDS[model], *_marked(fold["gap"][model].values(), limit)])
     signals = [n if n == "total" else signal_display(n).words for n in content["folds"][0]["gap"]["nominal"]]
     caption = "Thirds held out in turn: the gap there, and with the causes refitted to the rest of the log"
     return Table(caption, ["held out", "model", *signals], rows)

@@ -27,7 +27,7 @@ from ..page import (
     unique,
 )
 from ..provenance import merged_versions
-from ..text import quantity, unit, value_text
+from ..text import as_sentence, quantity, unit, value_text
 from ._charts import charted, run_chart
 from ._metrics import (
     bounds_text,
@@ -221,7 +221,7 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
     else:
         yield Paragraph("The controller has no linear feedback, so no margins are defined.")
     if run.get("solver_words"):
-        yield Paragraph(f"{run['solver_words'].capitalize()}.")
+        yield Paragraph(as_sentence(run["solver_words"]))
 
 
 def _loops(loops: Mapping[str, Run], keys: Mapping[str, str]) -> Iterator[Any]:
