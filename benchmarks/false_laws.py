@@ -95,7 +95,7 @@ class Search:
 
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
-        found = find_law([self.base], self.scoring, Reference.of(self.scoring), self.pool)
+        found = find_law([self.base.fit], lambda _: self.base, self.scoring, Reference.of(self.scoring), self.pool)
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,6 +27,7 @@ from .causes import build_causes, related_effects
 from .diagnosis import MODELS, Cause, Diagnosis, LogGap, RankedHypothesis
 from .explanation import Explanation, claimable_part, explain, only_parameters
 from .folds import Fold, folds_of, uneven_folds
+from .free_curve import CurveLog
 from .gap_attribution import Location, attribute_gap
 from .hypothesis_model import (
     Setting,
@@ -54,7 +55,7 @@ from .prepared_logs import (
 )
 from .pruning import prune
 from .records import Runs, Segment, joint_gap
-from .refit import refit_nominal
+from .refit import HypothesisFit, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
@@ -129,7 +130,8 @@ def diagnose(
     objective, sensitivities = objective_of(segments.training, threshold)
     lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(jobs or os.cpu_count() or 1, watch)
-    searched = search_segment([one.plant for one in prepared.logs], segments.training)
+    plants = [one.plant for one in prepared.logs]
+    searched = search_segment(plants, segments.training)
     all_data = searched is segments.training
     shares = SHARES if all_data else SHARES_OF_STRETCH
     pool.progress.begin(shares[0])
@@ -139,14 +141,14 @@ def diagnose(
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)
         pool.progress.begin(shares[1])
-        hypotheses = with_several_parameters(hypotheses, screening, ids, threshold)
+        hypotheses = with_several_parameters(hypotheses, screening, plants, ids, threshold)
     pool.progress.begin(shares[2] - pool.progress.end)
     if not all_data:
         hypotheses = hypotheses.on_all_data(objective, sensitivities)
         words = f"effects were searched {searched.name}; the best were refitted to all training data and scored on it"
         prepared = replace(prepared, findings=(*prepared.findings, words))
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, threshold, lumped=lumped)
-    windows = windows_of([one.plant for one in prepared.logs], searched)
+    windows = windows_of(plants, searched)
     hypotheses, scores, superseded = score_hypotheses(
         hypotheses, scoring, windows if all_data else None, windows or searched
     )
@@ -260,11 +262,13 @@ def _diagnose_selection(
     """
     plant = prepared.plant
 
-    def explained(selection: Selection, sd: Mapping[str, float]) -> tuple[Plant, Explanation]:
-        fit = selection.chosen.fit
+    def with_causes_of(fit: HypothesisFit, sd: Mapping[str, float] = {}) -> tuple[Plant, list[CurveLog]]:
         changed = {n: v for n, v in fit.values.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, fit.candidates, changed, sd)
-        logs = curve_logs(prepared, segments, improved, fit)
+        return improved, curve_logs(prepared, segments, improved, fit)
+
+    def explained(selection: Selection, sd: Mapping[str, float]) -> tuple[Plant, Explanation]:
+        improved, logs = with_causes_of(selection.chosen.fit, sd)
         return improved, explain(selection, reference, prepared.threshold, logs)
 
     improved, explanation = explained(selection, sd)
@@ -273,12 +277,17 @@ def _diagnose_selection(
         sd = of_causes(selection, scoring, sd)
         improved, explanation = explained(selection, sd)
         explanation = replace(explanation, verdict="partly")
-    chosen = selection.chosen
     selection = replace(selection, verdict=explanation.verdict)
-    law = _law(prepared, segments, hypotheses, scoring, reference, selection, improved)
-    if law is not None and not law.proposed.beside:
-        # It explains the log without the effects, which imitated it.
-        selection = replace(selection, verdict="outside_catalogue")
+    law = _law(prepared, segments, hypotheses, scoring, reference, selection, with_causes_of)
+    if law is not None and selection.named:
+        # Effects without which the law explains the log imitated it.
+        beside = tuple(key for key in selection.chosen.causes if key in {c.key for c in law.candidates})
+        if not beside:
+            selection = replace(selection, verdict="outside_catalogue")
+        elif len(beside) < len(selection.chosen.causes):
+            selection = replace(selection, chosen=replace(law.without, causes=beside))
+            improved, _ = with_causes_of(law.without.fit, sd)
+    chosen = selection.chosen
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, (), refitted, {})
@@ -357,16 +366,22 @@ def _law(
     scoring: Scoring,
     reference: Reference,
     selection: Selection,
-    improved: Plant,
+    with_causes_of: Callable[[HypothesisFit], tuple[Plant, Sequence[CurveLog]]],
 ) -> FoundLaw | None:
-    """The law of what no effect of the catalogue explains, beside the causes if some are named."""
+    """The law of what no effect of the catalogue explains, beside the causes if some are named.
+
+    with_causes_of: the plant with the effects of a fit, and the logs with it.
+    """
     if selection.verdict not in ("outside_catalogue", "partly"):
         return None
-    bases = [LawBase(curve_logs(prepared, segments, prepared.plant), hypotheses.fits[()])]
-    if selection.named:
-        fit = selection.chosen.fit
-        bases.append(LawBase(curve_logs(prepared, segments, improved, fit), fit))
-    return find_law(bases, scoring, reference, hypotheses.pool)
+
+    def base_of(fit: HypothesisFit) -> LawBase:
+        return LawBase(
+            with_causes_of(fit)[1] if fit.candidates else curve_logs(prepared, segments, prepared.plant), fit
+        )
+
+    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.named else [])]
+    return find_law(fits, base_of, scoring, reference, hypotheses.pool)
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:

@@ -76,9 +76,9 @@ def explain(
     # Several wrong numbers together imitate an unknown effect: they have to leave less.
     simple = len(selection.chosen.causes) <= FEW
     limit = threshold if simple else MANY_LEFT * threshold
-    if left < limit and not (curve is not None and curve.better):
-        return Explanation(selection.verdict, left, curve)
     closed = min(reference.closed(selection.chosen))
+    if left < limit and closed >= PART and not (curve is not None and curve.better):
+        return Explanation(selection.verdict, left, curve)
     named = selection.verdict in ("effect", "ambiguous")
     partly = simple and named and closed >= PART
     return Explanation("partly" if partly else "outside_catalogue", left, curve)

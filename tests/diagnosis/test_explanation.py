@@ -67,6 +67,12 @@ def test_the_floor_does_not_count(verdict_of):
     assert verdict_of(0.04, misfit=5.0, curve=0.9, floor=0.035) == "effect"
 
 
+def test_causes_that_close_little_do_not_explain_a_gap_near_the_floor(verdict_of):
+    """The rest beyond the floor is below the threshold, but most of the gap is left."""
+    assert verdict_of(0.066, misfit=1.5, curve=0.9, floor=0.065) == "effect"
+    assert verdict_of(0.069, misfit=1.5, curve=0.9, floor=0.065) == "outside_catalogue"
+
+
 def hypothesis(deviance, gaps, left=0.04):
     """A hypothesis that leaves a gap of one signal on both segments. gaps: id of a cause -> gap that it makes alone."""
     keys = {(id, None): {"speed": gap} for id, gap in gaps.items()}

@@ -17,7 +17,7 @@ from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
-from ehsa_ctrl.diagnosis.law import regression
+from ehsa_ctrl.diagnosis.law import find, regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.find import laws_of_best
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
@@ -473,6 +473,38 @@ def test_effects_that_imitate_a_law_are_not_named_beside_it():
     assert found == [beside]
     beside, found = best(5500.0, gaps=(0.0025, 0.005))
     assert found == [alone, other]
+
+
+def test_an_effect_that_a_term_of_the_law_takes_back_does_not_stay_beside_it(monkeypatch):
+    """The law has a smaller deviance without it, and a larger one without the other effect."""
+    delay, orifice = (N(key=(id, None), names=(id,)) for id in ("sensor_delay", "orifice_leakage"))
+    deviances = {"orifice_leakage sensor_delay": 135.0, "sensor_delay": 125.0, "orifice_leakage": 304.0}
+    rest = {"total": 0.06}
+
+    def law(members):
+        ids = [name for one in members for name in one.names]
+        found = tried_law("pump_flow", None, deviances[" ".join(ids)], (0.007, 0.01), (0.06, 0.11)).law
+        return N(**vars(found), others=dict.fromkeys(ids), refitted=members, reduced=None)
+
+    def fit(members):
+        return N(candidates=members, without=lambda out, _: tuple(c for c in members if c is not out))
+
+    def refitted(laws, _scoring, base, *_):
+        return [law(base.candidates) for _ in laws]
+
+    monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
+    monkeypatch.setattr(find, "refit_laws", refitted)
+    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest))
+    both = (orifice, delay)
+    first = find._Tried(law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest), None, 0.0)
+
+    found = find._with_fewer_effects(
+        [first], first.without, lambda one: find.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
+    )
+
+    best = find.laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
+    assert [one.base.fit.candidates for one in best] == [(delay,)]
+    assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,)]
 
 
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"

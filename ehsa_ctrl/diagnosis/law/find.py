@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,7 +82,7 @@ class FoundLaw:
 
     effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
     effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
-    each form's model.
+    each form's model. without: the hypothesis beside which it was found.
     """
 
     proposed: ProposedLaw
@@ -92,27 +92,71 @@ class FoundLaw:
     values: Setting
     sd: Mapping[str, float]
     settings: tuple[Setting, ...]
+    without: ScoredHypothesis
 
     @classmethod
-    def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw]) -> FoundLaw:
+    def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis) -> FoundLaw:
         """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
         best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
         fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings)
+        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without)
 
 
-def find_law(bases: Sequence[LawBase], scoring: Scoring, reference: Reference, pool: Pool) -> FoundLaw | None:
+def find_law(
+    fits: Sequence[HypothesisFit],
+    base_of: Callable[[HypothesisFit], LawBase],
+    scoring: Scoring,
+    reference: Reference,
+    pool: Pool,
+) -> FoundLaw | None:
     """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
 
-    Where effects are named beside the unknown one, they may be its image: the plant without them is tried too.
+    Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
+    law that is found without each of them.
     """
     scoring = with_typical_priors(scoring)
+    bases = [base_of(fit) for fit in fits]
     without = [without_law(base.fit, scoring) for base in bases]
     most = MOST // len(bases)
     tried = [one for base, own in zip(bases, without, strict=True) for one in _try(base, own, scoring, most, pool)]
+    tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
     return _select(tried, without[-1], reference)
+
+
+def _with_fewer_effects(
+    tried: Sequence[_Tried],
+    last: ScoredHypothesis,
+    base_of: Callable[[HypothesisFit], LawBase],
+    scoring: Scoring,
+    reference: Reference,
+    pool: Pool,
+) -> list[_Tried]:
+    """Laws with the best of them beside one effect less, as long as that is better. last: as in `laws_of_best`.
+
+    An effect may have made up for a part of the law, and a term of the law takes it back then.
+    """
+    tried = list(tried)
+    while alike := laws_of_best(tried, last, reference):
+        fit = alike[0].base.fit
+        fewer = []
+        for out in fit.candidates if len(fit.candidates) > 1 else ():
+            rest = tuple(c for c in fit.candidates if c is not out)
+            values = fit.without(out, scoring.objective)
+            refitted = refit(scoring.objective, rest, values, {}, steps=STEPS, renew_after=RENEW)
+            if refitted is None:
+                continue
+            base, without = base_of(refitted), scoring.score(refitted)
+            others = [{n: v for n, v in one.law.others.items() if n not in out.names} for one in alike]
+            laws = refit_laws([one.law.refitted for one in alike], scoring, refitted, pool, others)
+            laws += refit_laws(_reduced(laws, [alike[0].input]), scoring, refitted, pool)
+            fewer += [replace(alike[0], law=law, base=base, without=without) for law in laws]
+        tried += fewer
+        again = laws_of_best(tried, last, reference)
+        if not again or all(again[0] is not one for one in fewer):
+            break
+    return tried
 
 
 def with_typical_priors(scoring: Scoring) -> Scoring:
@@ -139,15 +183,19 @@ def _try(base: LawBase, without: ScoredHypothesis, scoring: Scoring, most: int, 
     chosen = [*held, *promising(sums, scoring, base.fit, most, pool)]
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
-    reduced = [one.reduced for one in refitted if not one.stable]
-    smaller = _varied([replace(one, explained=_explained(one, inputs)) for one in reduced if one is not None])
-    refitted += refit_laws(smaller, scoring, base.fit, pool)
+    refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
     limits = [(law, one.others) for one in refitted if (law := one.proportional) is not None]
     linear = [replace(law, explained=_explained(law, inputs)) for law, _ in limits]
     refitted += refit_laws(linear, scoring, base.fit, pool, [others for _, others in limits])
     return [
         _Tried(one, base, without, by_name[one.law.grammar.name], placebos[one.law.grammar.name]) for one in refitted
     ]
+
+
+def _reduced(refitted: Sequence[FreeRunLaw], inputs: Sequence[LawInput]) -> list[LawFit]:
+    """What the refits keep of laws of which some terms vanish."""
+    found = [law for one in refitted if not one.stable and (law := one.reduced) is not None]
+    return _varied([replace(law, explained=_explained(law, inputs)) for law in found])
 
 
 def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
@@ -227,7 +275,7 @@ def _select(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Referenc
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
-    return FoundLaw.of(proposed, [one.law for one, _ in likely])
+    return FoundLaw.of(proposed, [one.law for one, _ in likely], best.without)
 
 
 def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Reference) -> list[_Tried]:
