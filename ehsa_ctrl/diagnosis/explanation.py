@@ -76,8 +76,12 @@ def explain(
     # Several wrong numbers together imitate an unknown effect: they have to leave less.
     simple = len(selection.chosen.causes) <= FEW
     limit = threshold if simple else MANY_LEFT * threshold
-    closed = min(reference.closed(selection.chosen))
-    if left < limit and closed >= PART and not (curve is not None and curve.better):
+    shares = reference.closed(selection.chosen)
+    closed = min(shares)
+    # What is closed of a gap that the best possible model may leave too is chance.
+    above = [gap > floor.get("total", 0.0) for gap, floor in zip(reference.nominal_gaps, reference.floors, strict=True)]
+    enough = all(share >= PART for share, counts in zip(shares, above, strict=True) if counts)
+    if left < limit and enough and not (curve is not None and curve.better):
         return Explanation(selection.verdict, left, curve)
     named = selection.verdict in ("effect", "ambiguous")
     partly = simple and named and closed >= PART

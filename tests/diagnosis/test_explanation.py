@@ -30,7 +30,7 @@ def verdict_of(monkeypatch):
     def run(gap, misfit, curve, floor=0.0, verdict="effect"):
         found = FreeCurve("force", (), gap, curve * gap)
         monkeypatch.setattr(explanation, "free_curve", lambda *_: found)
-        floors = ({"speed": floor}, {"speed": floor})
+        floors = ({"speed": floor, "total": floor},) * 2
         reference = Reference(0.0, 1e4, 0.1, 0.7, floors, (0.1, 0.1))
         return explain(selection(gap, misfit, verdict), reference, 0.03, []).verdict
 
@@ -71,6 +71,11 @@ def test_causes_that_close_little_do_not_explain_a_gap_near_the_floor(verdict_of
     """The rest beyond the floor is below the threshold, but most of the gap is left."""
     assert verdict_of(0.066, misfit=1.5, curve=0.9, floor=0.065) == "effect"
     assert verdict_of(0.069, misfit=1.5, curve=0.9, floor=0.065) == "outside_catalogue"
+
+
+def test_below_the_floor_it_does_not_matter_what_is_closed(verdict_of):
+    """There the noise of the logged input decides, for the truth too; the nominal gap is 10 %."""
+    assert verdict_of(0.12, misfit=1.5, curve=0.9, floor=0.125) == "effect"
 
 
 def hypothesis(deviance, gaps, left=0.04):
