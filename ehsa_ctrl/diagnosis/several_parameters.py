@@ -24,7 +24,7 @@ from ..physics.effects import CandidateEffect
 from ..plant.plant import Plant
 from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
-from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
+from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, start_values
 from .local_search import MAX_CAUSES
 from .objective import TEMPER, NominalParameters, Objective
 from .records import Record, Segment
@@ -37,6 +37,9 @@ SINGLES, PAIRS, REDUCED = 10, 6, 3
 NEEDED, NEEDED_SHARE = 4.0, 0.004
 #: A parameter that changes no signal by this share of the threshold is no cause.
 SMALL = 0.7
+#: Where the fit from the balances costs less than this share of the one from the nominal values, that one is in a local
+#: minimum, and sets are sought from both.
+LOWER = 0.9
 #: Cost of the priors from which on nominal parameters are wrong by more than they usually are: two standard deviations.
 MOVED = 4.0
 
@@ -60,29 +63,40 @@ def with_several_parameters(
     objective = hypotheses.objective
     nominal = objective.nominal
     wide = replace(objective, nominal=replace(nominal, sd=nominal.typical))
-    start = replace(hypotheses, objective=wide, fits={})
-    tasks = [Task((), {}), *(Task((), values) for values in starts_from_balances(plants, objective.records, nominal))]
-    start = start.with_refits(tasks, "all nominal parameters", steps=6, renew_after=3)
-    if () not in start.fits:
-        return hypotheses
-    start = start.refine([start.fits[()]], steps=5)
-    start = start.with_level_of(start.fits[()])
+    empty = replace(hypotheses, objective=wide, fits={})
     # An effect may set a nominal parameter free beside its own number; those that stand for one are free already.
     beside = [c for c in hypotheses.candidates if c.id not in {ids.get(n) for n in c.names if n in nominal.names}]
+    starts: tuple[Sequence[Setting], ...] = [{}], starts_from_balances(plants, objective.records, nominal)
+    refitted = [
+        empty.with_refits([Task((), values) for values in start], "all nominal parameters", steps=6, renew_after=3)
+        for start in starts
+    ]
+    costs = [found.fits[()].cost if () in found.fits else np.inf for found in refitted]
+    used = [refitted[0], *(refitted[1:] if costs[1] < LOWER * costs[0] else [])]
+    tasks = [
+        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit).from_nominal()
+        for start in used
+        if () in start.fits
+        for found, fit in _with_effects(start, screening, beside)
+        for kept, values in _eliminated(found, fit, threshold)
+    ]
+    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5)
+    best = {id(fit): fit for fit in hypotheses.fits_of(tasks)}
+    return hypotheses.refine(sorted(best.values(), key=lambda fit: fit.cost)[:N_REFINE])
+
+
+def _with_effects(
+    start: Hypotheses, screening: Screening, beside: Sequence[CandidateEffect]
+) -> list[tuple[Hypotheses, HypothesisFit]]:
+    """The fit of all nominal parameters, and the best ones with one effect and two beside it."""
+    start = start.with_level_of(start.fits[()])
     found = _grow(start, screening, [start.fits[()]], beside, SINGLES)
     found = found.refine(found.best(1)[:REDUCED], steps=5)
     found = found.with_level_of(found.best()[0])
     found = _grow(found, screening, found.best(1)[:REDUCED], beside, PAIRS)
     found = found.refine(found.best(2)[:REDUCED], steps=5)
     found = found.with_level_of(found.best()[0])
-    fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
-    tasks = distinct_tasks(
-        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit).from_nominal()
-        for fit in fits
-        for kept, values in _eliminated(found, fit, threshold)
-    )
-    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5)
-    return hypotheses.refine(sorted(hypotheses.fits_of(tasks), key=lambda fit: fit.cost)[:N_REFINE])
+    return [(found, fit) for fit in (found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED])]
 
 
 def starts_from_balances(
