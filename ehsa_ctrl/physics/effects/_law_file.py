@@ -56,6 +56,11 @@ class Addend:
     factors: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def balance_unit(self) -> str:
+        """SI unit of what it adds to the first balance."""
+        return "m3/s" if self.place == "flow" else self.unit
+
+    @property
     def balances(self) -> tuple[tuple[str, dict[str, str]], ...]:
         """Changed signal of each balance, and what the names of `own` stand for there."""
         signals = tuple(self.factors) or ((self.signal, self.second) if self.second else (self.signal,))
@@ -76,7 +81,7 @@ ADDENDS = {
     ),
     "pump_flow": Addend("flow", "m3/s", "flow of the pump, from chamber 2 into chamber 1", "Q_P", "+"),
     "displacement": Addend(
-        "flow", "m3", "displacement of the pump per radian, in its flow and in the torque of the pressures", "Q_P", "+",
+        "flow", "m3", "flow of the pump by its displacement, m3 per radian, which changes its torque too", "Q_P", "+",
         factors={"Q_P": "omega", "T_P": "(P_1 - P_2)"},
     ),
     "drive": Addend("drive", "A", "current of the motor", "current", "+"),
