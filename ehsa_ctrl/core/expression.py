@@ -23,7 +23,9 @@ from .syntax import parse_expression
 from .unit import base_units
 
 #: Function -> smallest number of arguments; only min and max take more.
-FUNCTIONS = {"sign": 1, "abs": 1, "sqrt": 1, "exp": 1, "sin": 1, "cos": 1, "tanh": 1, "min": 2, "max": 2}
+FUNCTIONS = {
+    "sign": 1, "abs": 1, "sqrt": 1, "exp": 1, "sin": 1, "cos": 1, "tanh": 1, "round": 1, "min": 2, "max": 2
+}  # fmt: skip
 #: Longest expression, and largest power. Engineering judgement: a law of a rig is shorter.
 LONGEST, LARGEST_POWER = 400, 6
 #: Exponents of base units that differ by less are equal; halves come from square roots.
@@ -95,7 +97,7 @@ class Expression:
 
     def values(self, known: Mapping[str, Any]) -> Any:
         """Its value for numbers or arrays (N,) by name."""
-        names = {one: getattr(np, one) for one in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh")}
+        names = {one: getattr(np, one) for one in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh", "round")}
         names |= {"min": _smallest, "max": _largest}
         return eval(_compiled(self.python), {"__builtins__": {}, **names, **known})
 
@@ -111,7 +113,7 @@ class Expression:
         source = f"def {name}({', '.join(arguments)}):\n    return {form.format(self.python)}\n"
         known: dict[str, Any] = {"__name__": f"effects.{name}", "sign": sign}
         known |= {one: getattr(math, one) for one in ("sqrt", "exp", "sin", "cos", "tanh")}
-        known["__builtins__"] = {"abs": abs, "min": min, "max": max}
+        known["__builtins__"] = {"abs": abs, "round": round, "min": min, "max": max}
         # The engine reads the source with `inspect`, which finds names in angle brackets in this cache.
         place = f"<{file}, {hashlib.sha256(source.encode()).hexdigest()[:8]}>"
         linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)

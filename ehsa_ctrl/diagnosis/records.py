@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.log import Log
+from ..physics.effects import EFFECTS
 from .hypothesis_model import HypothesisModel, Setting
 from .signals import gap, moving_signals, scored_signals, signal_noise
 
@@ -65,7 +66,7 @@ class Record:
         """Channel -> sensor reading (N,) over the log; None if the run stopped.
 
         Rod position and mean pressure integrate, so that an error of their initial values does not decay. Their mean
-        error over the run-in corrects the initial values.
+        error over the run-in corrects the initial values; that of an angle is the integral of the speed's at its end.
         """
         return self.with_corrected_start(values, self.model.run([values])[0])
 
@@ -86,7 +87,19 @@ class Record:
         if system.pressures and set(system.pressures) <= set(shift):
             level = 0.5 * sum(shift[state] for state in system.pressures)
             start |= {state: start[state] + level for state in system.pressures}
+        for name, channel in self._angles.items():
+            speed = model.log[channel][: self.first] - found[channel][: self.first]
+            start[name] = start.get(name, 0.0) + float(np.trapezoid(speed)) * model.log.sample_time
         return replace(model, start=start).run([values])[0] or found
+
+    @cached_property
+    def _angles(self) -> dict[str, str]:
+        """State of a law that integrates a measured speed -> channel of that speed."""
+        plant = self.model.plant
+        channels = {state: channel for channel, state in plant.structure.system.outputs.items()}
+        laws = [law.definition for name in plant.structure.effects if (law := EFFECTS[name].law) is not None]
+        rates = {name: one.rate for law in laws for name, one in law.states.items()}
+        return {n: channels[rate] for n, rate in rates.items() if channels.get(rate) in self.model.channels}
 
     def signals(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Name -> scored signal over the scored samples, from channels."""

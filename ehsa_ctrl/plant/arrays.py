@@ -28,6 +28,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "neg": np.negative,
     "abs": np.abs,
     "atan": np.arctan,
+    "round": np.rint,
     **{name: getattr(np, name) for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "tanh")},
 }
 

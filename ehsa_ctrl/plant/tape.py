@@ -164,8 +164,8 @@ class _Inlining:
 
     def function(self, node: ast.expr, name: str, args: list[Ref]) -> Ref:
         emit = self.tape.emit
-        if name == "abs":
-            return emit("abs", *args)
+        if name in ("abs", "round") and name not in self.globals:
+            return emit(name, *args)
         if name in ("min", "max") and name not in self.globals:
             result = args[0]
             for arg in args[1:]:

@@ -14,6 +14,7 @@ _COMPARE = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "==": "oeq", "!=":
 _FUNCTIONS = {
     "exp": "exp_of_one",
     "abs": "llvm.fabs.f64",
+    "round": "llvm.rint.f64",
     "sqrt": "llvm.sqrt.f64",
     "log": "llvm.log.f64",
     "sin": "llvm.sin.f64",

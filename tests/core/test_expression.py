@@ -87,7 +87,10 @@ def test_units_that_do_not_fit(text, says):
 
 def test_the_written_function_has_the_value_of_the_text():
     """Against Python's own evaluation at random points; the source is there for the engine."""
-    text = "-2*x**3 + sign(v)*abs(x)/(1 + x**2) - tanh(v)*max(x, v, -1)**2 + sqrt(abs(v))*sin(x) - cos(v)*exp(-x**2)"
+    text = (
+        "-2*x**3 + sign(v)*abs(x)/(1 + x**2) - tanh(v)*max(x, v, -1)**2 + sqrt(abs(v))*sin(x)"
+        " - cos(v)*exp(-x**2) + round(3*x)*v"
+    )
     function = Expression.parse(text).function("law", "mine.toml", "old", "old + {}")
     names = {name: getattr(math, name) for name in ("sqrt", "exp", "sin", "cos", "tanh")}
     for x, v in np.random.default_rng(1).normal(size=(50, 2)).tolist():

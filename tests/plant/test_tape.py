@@ -24,7 +24,7 @@ def everything(x, y, p, q):
     """Every construct of the dialect."""
     r = inner(x, y) / p
     s = exp(-abs(x) / q) if x > y and p > 0.0 else tanh(y) ** 2.0
-    return max(r, s, 0.1) - min(x * q, SCALE) + cos(-y) / (p + q)
+    return max(r, s, 0.1) - min(x * q, SCALE) + cos(-y) / (p + q) + round(3.0 * x) * q
 
 
 NUMBER = st.floats(0.1, 3.0)

@@ -53,6 +53,17 @@ def test_motion_in_one_direction_alone():
     assert found["law, negative motion"].size == 0 and found["law, positive motion"].size > 10
 
 
+def test_a_displacement_is_drawn_as_the_flow_that_it_makes():
+    """The unknown input is a flow; only the expression is a displacement."""
+    labels = []
+    for place in ("pump_flow", "displacement"):
+        figure = law_figure(SimpleNamespace(law=replace(CUBIC, place=place)))
+        labels.append(figure.axes[0].get_ylabel().rpartition("(")[2])
+        plt.close(figure)
+
+    assert labels[0] == labels[1]
+
+
 def test_a_diagnosis_without_a_law():
     with pytest.raises(e.InputError, match="without a law"):
         law_figure(SimpleNamespace(law=None))

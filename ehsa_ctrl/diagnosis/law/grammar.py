@@ -26,8 +26,9 @@ LOCATIONS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
 WIDTHS = (0.04, 0.08, 0.16, 0.32)
 #: Periods in the range of a position that are tried. Engineering judgement.
 PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
-#: The same in the range of a current, for a drive that sets it in steps. Engineering judgement.
-LEVELS = (4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0)
+#: Levels in the range of a current that are tried, for a drive that sets it in steps; so near to each other that the
+#: steps still fit at both ends of the range. Engineering judgement.
+LEVELS = tuple(np.arange(3.0, 36.0, 0.25).tolist())
 
 #: Terms of one variable z. The first of several that act alike is the one that is named.
 SMOOTH = ("z", "z**2", "z**3", "abs(z)", "z * abs(z)", "sqrt(abs(z))", "sign(z) * sqrt(abs(z))")
@@ -139,7 +140,7 @@ class Grammar:
         others: list[str] = []
         if name.startswith("flow") and pressures:
             others = list(addend.own) or [system.entries[name].target]
-        if place == "flow":
+        if place == "flow" and not addend.factors:
             others += [n for one in system.all_contacts for n in (one.velocity, one.position)]
         if place == "torque" and torque_drive(plant, signals).unit == units.get(system.inputs[0]):
             others.append(system.inputs[0])
@@ -170,10 +171,16 @@ class Grammar:
         return replace(plain, direction=contact.direction, speed=speed, friction=friction, resists=resists)
 
     def values(self, term: Term) -> np.ndarray:
-        """(N - 1,) of a term along the logs."""
+        """(N - 1,) of a term along the logs, in the balance of its unknown input."""
         states = {} if term.memory is None else self.course(term.memory, term.shapes)
+        addend = ADDENDS[self.name]
+        factor: np.ndarray | float = 1.0
+        if addend.factors:
+            # Its mean over each sample, as that of a state: of the flow of a wave over the angle little else remains.
+            at = np.asarray(Expression.parse(addend.factors[addend.signal]).values(self.known))
+            factor = 0.5 * (at + np.append(at[1:], at[-1:]))
         expression = Expression.parse(term.text)
-        return np.asarray(expression.values({**self.known, **term.shapes, **states}), dtype=float)
+        return np.asarray(factor * expression.values({**self.known, **term.shapes, **states}), dtype=float)
 
     def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
         """State -> (N - 1,) mean over each sample along the logs."""
@@ -243,8 +250,12 @@ class Grammar:
                     shapes = {"at": float(np.quantile(of, quantile)), "width": share * (high - low)}
                     shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
                     yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
-        if variable.position or variable.unit == "A":
-            for count in PERIODS if variable.position else LEVELS:
+        if variable.unit == "A":
+            for count in LEVELS:
+                text = put("(width * round(z / width) - z)", z=z)
+                yield Term(text, used, {"width": (high - low) / count}, {"width": variable.unit})
+        if variable.position:
+            for count in PERIODS:
                 for phase in (0.0, 0.5 * np.pi):
                     shapes = {"at": phase, "width": (high - low) / (2.0 * np.pi * count)}
                     units = {"at": "1", "width": variable.unit}

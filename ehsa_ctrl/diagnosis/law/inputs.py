@@ -18,7 +18,7 @@ from .regression import LawFit
 
 #: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
 #: to see beside errors of the rates moves the mean pressure by and by.
-FLOWS, SLOW = ("flow_1", "flow_2", "flows", "pump_flow"), 8
+FLOWS, SLOW = ("flow_1", "flow_2", "flows", "pump_flow", "displacement"), 8
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,12 @@ def law_inputs(
     changes = with_combined(_changes(cases, nominal))
     # A law acts where its balance enters the simulation: where the motion is prescribed, forces do not.
     acting = ADDENDS.keys() & plant.structure.system.entries.keys()
+    signals_of_plant = {call.target for call in plant.structure.equations.calls}
     found = []
     for name, value in with_combined({n: one for n, one in values.items() if n in acting}).items():
+        if not set(ADDENDS[name].factors) <= signals_of_plant:
+            # A pump whose speed is prescribed has no torque balance.
+            continue
         own = in_turn(fitted, fitted, False) if ADDENDS[name].second else fitted
         for longer in (1, SLOW) if name in FLOWS else (1,):
             windows = Windows(value, signals.sample_time, own, longer=longer)
@@ -63,12 +67,15 @@ def law_inputs(
 
 
 def with_combined(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Unknown inputs by balance, and what the flows of both chambers are together: that of the pump, which one chamber
-    gains and the other loses, and that into chamber 1, then into chamber 2, with an unknown sample between them."""
+    """Unknown inputs by balance, and what the flows of both chambers are together.
+
+    That is the flow of the pump, from outside it or by its displacement, which one chamber gains and the other loses;
+    and the flow into chamber 1, then into chamber 2, with an unknown sample between them.
+    """
     found = dict(values)
     if {"flow_1", "flow_2"} <= values.keys():
         one, other = values["flow_1"], values["flow_2"]
-        found["pump_flow"] = 0.5 * (one - other)
+        found["pump_flow"] = found["displacement"] = 0.5 * (one - other)
         found["flows"] = in_turn(one, other, np.nan)
     return found
 

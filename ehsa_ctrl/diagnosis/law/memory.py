@@ -1,7 +1,7 @@
 """What a law may remember: the running time, an angle, a lag, a hysteresis, a resonance.
 
 A memory is one or two states of an effect. Their rates are linear in the states, so that their course along a log is
-exact for signals that are held over each sample.
+exact for signals that are held over each sample. What only adds up, as an angle, takes them as lines between samples.
 
 Sources: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-0158(3107-18)-1, 1968 (hysteresis over the
 travelled distance).
@@ -72,6 +72,9 @@ class Memory:
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
             part = slice(first, end)
+            if not slopes.any():
+                # Held over a sample of 4 ms, 300 rad/s would put the angle 0.6 rad off.
+                rest[part] = 0.5 * (rest[part] + np.vstack([rest[part][1:], rest[part][-1:]]))
             course = _linear(slopes[part], rest[part], sample_time)
             out[part] = _means(course, slopes[part], rest[part], sample_time) if mean else course
         return dict(zip(names, out.T, strict=True))
@@ -174,13 +177,12 @@ def over_time(bases: Mapping[str, tuple[str, ...]], seconds: float) -> Iterator[
             yield MemoryTerm(step, clock(), shapes, {"at": "s", "width": "s"}, (*on, "time"))
 
 
-def over_angle(factor: str, on: tuple[str, ...], speed: str) -> Iterator[MemoryTerm]:
+def over_angle(speed: str) -> Iterator[MemoryTerm]:
     """Waves over the angle since the start."""
     for order in ORDERS:
         for phase in (0.0, 0.5 * np.pi):
             shapes, units = {"order": order, "at": phase}, {"order": "1", "at": "1"}
-            times = f"{factor} * " if factor else ""
-            yield MemoryTerm(f"{times}sin(order * {STATE} + at)", turn(speed), shapes, units, (*on, "angle"))
+            yield MemoryTerm(f"sin(order * {STATE} + at)", turn(speed), shapes, units, ("angle",))
 
 
 def following(

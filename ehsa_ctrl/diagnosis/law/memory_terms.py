@@ -61,7 +61,7 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
             shapes = {"width": share * reach}
             yield MemoryTerm(STATE, slip(speed, unit, share * reach), shapes, {"width": unit}, (position,))
     if place == "torque":
-        yield from over_angle("", (), speed)
+        yield from over_angle(speed)
     if driven:
         size = float(np.std(known[drive]))
         slow = [share * seconds for share in SLOW_SHARES]
@@ -85,8 +85,10 @@ def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[
     system = plant.structure.system
     if not set(system.pressures) <= set(known):
         return
+    if ADDENDS[name].factors:
+        yield from over_angle(balance_contact(plant, "torque").velocity)
+        return
     first, second = system.pressures
-    speed = balance_contact(plant, "torque").velocity if system.entries.get("torque") is not None else ""
     difference = f"({first} - {second})"
     either = "".join(ADDENDS[name].own)
     own = either or (system.entries[name].target if name in system.entries else "")
@@ -96,5 +98,3 @@ def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[
     if own in known and not either:
         size = float(np.std(known[own]))
         yield from following(f"({own} - {STATE}) / tau", own, "Pa", size, LAGS, (own,))
-    if name == "pump_flow" and speed in known:
-        yield from over_angle(speed, (speed,), speed)

@@ -38,7 +38,8 @@ class Addend:
 
     friction, friction_sign, direction: the same for terms with the direction of a contact; empty if there are none.
     second: signal of a second balance that has the law too, with the same sign. own: name in the expression -> signal
-    of the plant for which it stands in the first balance and in the second one.
+    of the plant for which it stands in the first balance and in the second one. factors: changed signal -> what
+    multiplies the expression there, for a law of two balances that exchange power; empty for a law that adds itself.
     """
 
     place: str
@@ -52,11 +53,17 @@ class Addend:
     velocity: str = ""
     second: str = ""
     own: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    factors: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def balance_unit(self) -> str:
+        """SI unit of what it adds to the first balance."""
+        return "m3/s" if self.place == "flow" else self.unit
 
     @property
     def balances(self) -> tuple[tuple[str, dict[str, str]], ...]:
         """Changed signal of each balance, and what the names of `own` stand for there."""
-        signals = (self.signal, self.second) if self.second else (self.signal,)
+        signals = tuple(self.factors) or ((self.signal, self.second) if self.second else (self.signal,))
         return tuple((signal, {name: pair[i] for name, pair in self.own.items()}) for i, signal in enumerate(signals))
 
 
@@ -73,6 +80,10 @@ ADDENDS = {
         second="Q_T2", own={"P": ("P_1", "P_2")},
     ),
     "pump_flow": Addend("flow", "m3/s", "flow of the pump, from chamber 2 into chamber 1", "Q_P", "+"),
+    "displacement": Addend(
+        "flow", "m3", "flow of the pump by its displacement, m3 per radian, which changes its torque too", "Q_P", "+",
+        factors={"Q_P": "omega", "T_P": "(P_1 - P_2)"},
+    ),
     "drive": Addend("drive", "A", "current of the motor", "current", "+"),
 }  # fmt: skip
 
@@ -154,7 +165,7 @@ class LawFile(Definition):
     schema_version: Schema = Field(alias="schema", description="format version")
     status: Literal["proposed", "confirmed"] = Field(description="whether a second log has confirmed it")
     summary: str = Field(description="one line for lists")
-    adds_to: Literal["torque", "force", "flow_1", "flow_2", "flows", "pump_flow", "drive"] = Field(
+    adds_to: Literal["torque", "force", "flow_1", "flow_2", "flows", "pump_flow", "displacement", "drive"] = Field(
         description="what the expression adds to; signs as there"
     )
     expression: str = Field(description="of states, inputs and parameters of the plant, and of its own parameters")
@@ -268,7 +279,10 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
     for terms, signal, sign, names in (*parts, (dry, addend.friction, addend.friction_sign, {})):
         if terms:
             total = Expression.parse(put(" + ".join(f"({term.text})" for term in terms), **names))
-            changes[signal] = total.function(name, where, signal, f"{signal} {sign} {{}}")
+            factor = addend.factors.get(signal, "1")
+            form = f"{signal} {sign} {{}}" if factor == "1" else f"{signal} {sign} {factor} * {{}}"
+            also = Expression.parse(factor).names
+            changes[signal] = total.function(name, where, signal, form, also=also)
     _check_neutral(law, expression, name, where)
     sizes = {key: one.neutral for key, one in law.parameters.items() if one.neutral is not None}
     absent = " or ".join(f"{key} != {value!r}" for key, value in sizes.items())

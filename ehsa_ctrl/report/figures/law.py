@@ -31,7 +31,7 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
     if law is None:
         raise InputError("law_figure got a diagnosis without a law; there is nothing to show")
     known = np.isfinite(law.measured)
-    usual, scale = unit_of_balance(ADDENDS[law.place].unit)
+    usual, scale = unit_of_balance(ADDENDS[law.place].balance_unit)
     words = law.variables[0] if law.variables else "variable"
     with sheet(f"Law: {law.forms[0].file.expression}", [["law", "left"]], [2.6]) as (figure, axes):
         for name, rows, color, line in _parts(law.direction, known):
