@@ -141,7 +141,7 @@ def diagnose(
     if not lumped and may_be_several(hypotheses):
         ids = effect_id_by_parameter(prepared.model.plant)
         pool.progress.begin(shares[1])
-        hypotheses = with_several_parameters(hypotheses, screening, plants, ids, threshold)
+        hypotheses = with_several_parameters(hypotheses, screening, ids, threshold)
     pool.progress.begin(shares[2] - pool.progress.end)
     if not all_data:
         hypotheses = hypotheses.on_all_data(objective, sensitivities)

@@ -5,10 +5,6 @@ three parameters are off by 10 % beside an effect, no single step of it explains
 the prior of a typical rig at once, alone and with each promising effect; backward elimination (F. Harrell, "Regression
 Modeling Strategies", 2015, 4.3) then returns to their nominal values those that the log does not need. What is left is
 an ordinary hypothesis: the effect, and the effects that stand for the wrong parameters.
-
-Where rod and motor stick, the cost of a free run has local minima: a torque constant and a friction that are both too
-small fit as a small inertia does. The balances of the log are linear in the parameters and have one minimum, so that
-their estimate is a start too; noise of the signals biases it.
 """
 
 from __future__ import annotations
@@ -18,16 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..identification.balances import estimate_by_balances
 from ..physics.effects import CandidateEffect
-from ..plant.plant import Plant
 from .candidate_effects import with_parameters
-from .hypothesis_model import Setting
-from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, start_values
+from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
 from .local_search import MAX_CAUSES
-from .objective import TEMPER, NominalParameters, Objective
-from .records import Record, Segment
+from .objective import TEMPER, Objective
+from .records import Segment
 from .refit import HypothesisFit
 
 #: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
@@ -37,9 +29,6 @@ SINGLES, PAIRS, REDUCED = 10, 6, 3
 NEEDED, NEEDED_SHARE = 4.0, 0.004
 #: A parameter that changes no signal by this share of the threshold is no cause.
 SMALL = 0.7
-#: Where the fit from the balances costs less than this share of the one from the nominal values, that one is in a local
-#: minimum, and sets are sought from both.
-LOWER = 0.9
 #: Cost of the priors from which on nominal parameters are wrong by more than they usually are: two standard deviations.
 MOVED = 4.0
 
@@ -50,77 +39,33 @@ def may_be_several(hypotheses: Hypotheses) -> bool:
 
 
 def with_several_parameters(
-    hypotheses: Hypotheses,
-    screening: Screening,
-    plants: Sequence[Plant],
-    ids: Mapping[str, str],
-    threshold: float,
+    hypotheses: Hypotheses, screening: Screening, ids: Mapping[str, str], threshold: float
 ) -> Hypotheses:
-    """Hypotheses with sets of nominal parameters added.
-
-    plants: nominal, of each record that is fitted. ids: parameter -> id of the effect that stands for it.
-    """
+    """Hypotheses with sets of nominal parameters added. ids: parameter -> id of the effect that stands for it."""
     objective = hypotheses.objective
     nominal = objective.nominal
     wide = replace(objective, nominal=replace(nominal, sd=nominal.typical))
-    empty = replace(hypotheses, objective=wide, fits={})
+    start = replace(hypotheses, objective=wide, fits={})
+    start = start.with_refits([Task((), {})], "all nominal parameters", steps=6, renew_after=3)
+    if () not in start.fits:
+        return hypotheses
+    start = start.with_level_of(start.fits[()])
     # An effect may set a nominal parameter free beside its own number; those that stand for one are free already.
     beside = [c for c in hypotheses.candidates if c.id not in {ids.get(n) for n in c.names if n in nominal.names}]
-    starts: tuple[Sequence[Setting], ...] = [{}], starts_from_balances(plants, objective.records, nominal)
-    refitted = [
-        empty.with_refits([Task((), values) for values in start], "all nominal parameters", steps=6, renew_after=3)
-        for start in starts
-    ]
-    costs = [found.fits[()].cost if () in found.fits else np.inf for found in refitted]
-    used = [refitted[0], *(refitted[1:] if costs[1] < LOWER * costs[0] else [])]
-    tasks = [
-        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit).from_nominal()
-        for start in used
-        if () in start.fits
-        for found, fit in _with_effects(start, screening, beside)
-        for kept, values in _eliminated(found, fit, threshold)
-    ]
-    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5)
-    best = {id(fit): fit for fit in hypotheses.fits_of(tasks)}
-    return hypotheses.refine(sorted(best.values(), key=lambda fit: fit.cost)[:N_REFINE])
-
-
-def _with_effects(
-    start: Hypotheses, screening: Screening, beside: Sequence[CandidateEffect]
-) -> list[tuple[Hypotheses, HypothesisFit]]:
-    """The fit of all nominal parameters, and the best ones with one effect and two beside it."""
-    start = start.with_level_of(start.fits[()])
     found = _grow(start, screening, [start.fits[()]], beside, SINGLES)
     found = found.refine(found.best(1)[:REDUCED], steps=5)
     found = found.with_level_of(found.best()[0])
     found = _grow(found, screening, found.best(1)[:REDUCED], beside, PAIRS)
     found = found.refine(found.best(2)[:REDUCED], steps=5)
     found = found.with_level_of(found.best()[0])
-    return [(found, fit) for fit in (found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED])]
-
-
-def starts_from_balances(
-    plants: Sequence[Plant], records: Sequence[Record], nominal: NominalParameters
-) -> list[Setting]:
-    """Nominal parameters by the balances of the scored samples: as estimated, and weighted with the typical deviations.
-
-    Where an estimate is wide, or biased, the weighted one is the better start. Both are empty if the log shows no
-    balance. plants: nominal, of each record. Records with other settings than the first one are left out.
-    """
-    pairs = [pair for pair in zip(plants, records, strict=True) if pair[0] == plants[0]]
-    pieces = [
-        record.model.log.rows(*part.indices(len(record.model.log))[:2]) for _, record in pairs for part in record.parts
-    ]
-    try:
-        found = estimate_by_balances(plants[0], pieces, nominal.names).parameters
-    except InputError:
-        return []
-    typical = dict(zip(nominal.names, nominal.typical.tolist(), strict=True))
-    weighted = {
-        name: one.nominal + (one.value - one.nominal) / (1.0 + (one.sd / typical[name]) ** 2)
-        for name, one in found.items()
-    }
-    return [{name: one.value for name, one in found.items()}, weighted] if found else []
+    fits = [found.fits[()], *found.best(1)[:REDUCED], *found.best(2)[:REDUCED]]
+    tasks = distinct_tasks(
+        Task(with_parameters(fit.candidates, kept, hypotheses.candidates, ids)[:MAX_CAUSES], values, fit).from_nominal()
+        for fit in fits
+        for kept, values in _eliminated(found, fit, threshold)
+    )
+    hypotheses = hypotheses.with_refits(tasks, "several nominal parameters", steps=5)
+    return hypotheses.refine(sorted(hypotheses.fits_of(tasks), key=lambda fit: fit.cost)[:N_REFINE])
 
 
 def _grow(
