@@ -141,7 +141,7 @@ def _with_fewer_effects(
     while alike := laws_of_best(tried, last, reference):
         fit = alike[0].base.fit
         fewer = []
-        for out in fit.candidates if len(fit.candidates) > 1 else ():
+        for out in fit.candidates:
             rest = tuple(c for c in fit.candidates if c is not out)
             values = fit.without(out, scoring.objective)
             refitted = refit(scoring.objective, rest, values, {}, steps=STEPS, renew_after=RENEW)
