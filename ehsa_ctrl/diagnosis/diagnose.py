@@ -36,7 +36,7 @@ from .hypothesis_model import (
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
 from .law.experiment import form_experiment
-from .law.find import FoundLaw, LawBase, find_law
+from .law.find import FoundLaw, LawBase, find_law, without_imitators
 from .law.free_run import with_effect
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
@@ -262,7 +262,7 @@ def _diagnose_selection(
     """
     plant = prepared.plant
 
-    def with_causes_of(fit: HypothesisFit, sd: Mapping[str, float] = {}) -> tuple[Plant, list[CurveLog]]:
+    def with_causes_of(fit: HypothesisFit, sd: Mapping[str, float]) -> tuple[Plant, list[CurveLog]]:
         changed = {n: v for n, v in fit.values.items() if v != prepared.model.nominal_value(n)}
         improved = improved_plant(plant, fit.candidates, changed, sd)
         return improved, curve_logs(prepared, segments, improved, fit)
@@ -278,15 +278,12 @@ def _diagnose_selection(
         improved, explanation = explained(selection, sd)
         explanation = replace(explanation, verdict="partly")
     selection = replace(selection, verdict=explanation.verdict)
-    law = _law(prepared, segments, hypotheses, scoring, reference, selection, with_causes_of)
-    if law is not None and selection.named:
-        # Effects without which the law explains the log imitated it.
-        beside = tuple(key for key in selection.chosen.causes if key in {c.key for c in law.candidates})
-        if not beside:
-            selection = replace(selection, verdict="outside_catalogue")
-        elif len(beside) < len(selection.chosen.causes):
-            selection = replace(selection, chosen=replace(law.without, causes=beside))
-            improved, _ = with_causes_of(law.without.fit, sd)
+    law = _law(
+        prepared, segments, hypotheses, scoring, reference, selection, logs_with=lambda fit: with_causes_of(fit, {})[1]
+    )
+    if law is not None:
+        selection = without_imitators(selection, law)
+        improved, _ = with_causes_of(selection.chosen.fit, sd)
     chosen = selection.chosen
     if not selection.named:
         refitted = {n: v for n, v in nominal_refit.items() if v != prepared.model.nominal_value(n)}
@@ -366,19 +363,18 @@ def _law(
     scoring: Scoring,
     reference: Reference,
     selection: Selection,
-    with_causes_of: Callable[[HypothesisFit], tuple[Plant, Sequence[CurveLog]]],
+    logs_with: Callable[[HypothesisFit], Sequence[CurveLog]],
 ) -> FoundLaw | None:
     """The law of what no effect of the catalogue explains, beside the causes if some are named.
 
-    with_causes_of: the plant with the effects of a fit, and the logs with it.
+    logs_with: the logs with the plant that has the effects of a fit.
     """
     if selection.verdict not in ("outside_catalogue", "partly"):
         return None
 
     def base_of(fit: HypothesisFit) -> LawBase:
-        return LawBase(
-            with_causes_of(fit)[1] if fit.candidates else curve_logs(prepared, segments, prepared.plant), fit
-        )
+        logs = logs_with(fit) if fit.candidates else curve_logs(prepared, segments, prepared.plant)
+        return LawBase(logs, fit)
 
     fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.named else [])]
     return find_law(fits, base_of, scoring, reference, hypotheses.pool)

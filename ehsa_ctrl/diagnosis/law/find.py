@@ -10,7 +10,7 @@ import numpy as np
 from ...physics.effects import CandidateEffect, Effect
 from ..free_curve import BETTER, CurveLog, joined
 from ..hypothesis_model import Setting
-from ..model_selection import Reference, relative_weights
+from ..model_selection import Reference, Selection, relative_weights
 from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
@@ -125,6 +125,24 @@ def find_law(
     return _select(tried, without[-1], reference)
 
 
+def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
+    """The selection without the effects that the law makes superfluous: they imitated it.
+
+    The other causes are those of the hypothesis beside which the law was found. Without an effect beside it, the law
+    alone explains the gap, and nothing of the catalogue is named.
+    """
+    if not selection.named:
+        return selection
+    chosen = selection.chosen
+    left_out = {c.key for c in chosen.fit.candidates} - {c.key for c in law.candidates}
+    if not left_out:
+        return selection
+    causes = tuple(key for key in chosen.causes if key not in left_out and key in law.without.own_gaps)
+    if not causes or not law.proposed.beside:
+        return replace(selection, verdict="outside_catalogue")
+    return replace(selection, chosen=replace(law.without, causes=causes))
+
+
 def _with_fewer_effects(
     tried: Sequence[_Tried],
     last: ScoredHypothesis,
@@ -135,28 +153,40 @@ def _with_fewer_effects(
 ) -> list[_Tried]:
     """Laws with the best of them beside one effect less, as long as that is better. last: as in `laws_of_best`.
 
-    An effect may have made up for a part of the law, and a term of the law takes it back then.
+    An effect may imitate a part of the law; another term of the law cancels it then.
     """
     tried = list(tried)
-    while alike := laws_of_best(tried, last, reference):
-        fit = alike[0].base.fit
-        fewer = []
-        for out in fit.candidates:
-            rest = tuple(c for c in fit.candidates if c is not out)
-            values = fit.without(out, scoring.objective)
-            refitted = refit(scoring.objective, rest, values, {}, steps=STEPS, renew_after=RENEW)
-            if refitted is None:
-                continue
-            base, without = base_of(refitted), scoring.score(refitted)
-            others = [{n: v for n, v in one.law.others.items() if n not in out.names} for one in alike]
-            laws = refit_laws([one.law.refitted for one in alike], scoring, refitted, pool, others)
-            laws += refit_laws(_reduced(laws, [alike[0].input]), scoring, refitted, pool)
-            fewer += [replace(alike[0], law=law, base=base, without=without) for law in laws]
+    alike = laws_of_best(tried, last, reference)
+    better = bool(alike)
+    while better:
+        fewer = [
+            one for out in alike[0].base.fit.candidates for one in _without_effect(alike, out, base_of, scoring, pool)
+        ]
         tried += fewer
-        again = laws_of_best(tried, last, reference)
-        if not again or all(again[0] is not one for one in fewer):
-            break
+        alike = laws_of_best(tried, last, reference)
+        better = any(alike[0] is one for one in fewer)
     return tried
+
+
+def _without_effect(
+    alike: Sequence[_Tried],
+    out: CandidateEffect,
+    base_of: Callable[[HypothesisFit], LawBase],
+    scoring: Scoring,
+    pool: Pool,
+) -> list[_Tried]:
+    """Laws of the same unknown input beside the same effects, refitted without one of these."""
+    best = alike[0]
+    rest = tuple(c for c in best.base.fit.candidates if c is not out)
+    values = best.base.fit.without(out, scoring.objective)
+    fit = refit(scoring.objective, rest, values, {}, steps=STEPS, renew_after=RENEW)
+    if fit is None:
+        return []
+    others = [{n: v for n, v in one.law.others.items() if n not in out.names} for one in alike]
+    laws = refit_laws([one.law.refitted for one in alike], scoring, fit, pool, others)
+    laws += refit_laws(_reduced(laws, [best.input]), scoring, fit, pool)
+    base, without = base_of(fit), scoring.score(fit)
+    return [replace(best, law=law, base=base, without=without) for law in laws]
 
 
 def with_typical_priors(scoring: Scoring) -> Scoring:

@@ -152,7 +152,7 @@ class Grammar:
             for n in dict.fromkeys([*own, *others])
             if n in known
         ]
-        if pressures:
+        if pressures and not addend.factors:
             first, second = pressures
             found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
         found += [LawVariable(n, units[n], known[n], effort=True) for n in efforts]
