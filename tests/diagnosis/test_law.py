@@ -207,6 +207,9 @@ def test_a_displacement_that_ripples_comes_back_and_keeps_the_power(plant):
     assert best.terms[0].text == "sin(order * memory + at)"
     assert best.factors[0] == pytest.approx(size, rel=0.1)
     assert best.terms[0].shapes["order"] == pytest.approx(2.0, abs=0.01)
+    # Without any other variable, it is drawn over the angle.
+    assert grammar.variables == () and grammar.shown(best.terms[0]).text == "angle"
+    assert best.values.shape == (log.time.size - 1,)
     # Power into the oil and from the shaft: (P_1 - P_2) times the flow is omega times the torque.
     a = {"c_1": size, "turns": 0.3, "omega": 120.0, "P_1": 4e5, "P_2": 1e5}
     given = [{n: a[n] for n in inspect.signature(f).parameters if n in a} for f in (flow, torque)]

@@ -94,11 +94,13 @@ class Term:
 class Grammar:
     """What a law of one unknown input may consist of.
 
-    name: unknown input, a key of ADDENDS. known: name in the equations -> (N - 1,) along the logs. units: of those.
-    direction, speed, friction: of the contact, with the friction that the plant has; resists: 1 if a positive law acts
-    against positive motion, else -1. Empty, None or zero where the balance has no contact. memories: terms with a
-    memory. sample_time [s], begins: samples at which the logs begin, starts: times there [s]. Where a law is in two
-    balances, the logs come twice, see `in_turn`, with the names of `Addend.own`.
+    name: unknown input, a key of ADDENDS. variables: the displacement has none, because its constant is a nominal
+    parameter, and the catalogue has it with the pressure; its laws have a memory, the shaft angle. known: name in the
+    equations -> (N - 1,) along the logs. units: of those. direction, speed, friction: of the contact, with the friction
+    that the plant has; resists: 1 if a positive law acts against positive motion, else -1. Empty, None or zero where
+    the balance has no contact. memories: terms with a memory. sample_time [s], begins: samples at which the logs begin,
+    starts: times there [s]. Where a law is in two balances, the logs come twice, see `in_turn`, with the names of
+    `Addend.own`.
     """
 
     name: str
@@ -170,6 +172,11 @@ class Grammar:
         speed = known[contact.velocity]
         return replace(plain, direction=contact.direction, speed=speed, friction=friction, resists=resists)
 
+    @property
+    def samples(self) -> int:
+        """Number of samples along the logs."""
+        return next(iter(self.known.values())).size
+
     def values(self, term: Term) -> np.ndarray:
         """(N - 1,) of a term along the logs, in the balance of its unknown input."""
         states = {} if term.memory is None else self.course(term.memory, term.shapes)
@@ -214,8 +221,9 @@ class Grammar:
         return self.known[self.direction] if dry and not self.shown(terms[0]).speed else np.zeros(0)
 
     def terms(self) -> Iterator[Term]:
-        """All terms of one variable, over the grid of their shapes, and all products of two variables."""
-        yield Term("1", frozenset())
+        """All terms of one variable, over the grid of their shapes, all products of two, and those with a memory."""
+        if self.variables:
+            yield Term("1", frozenset())
         if self.direction:
             yield Term(self.direction, frozenset())
         for variable in self.variables:

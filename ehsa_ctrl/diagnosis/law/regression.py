@@ -86,7 +86,7 @@ class LawFit:
     def values(self) -> np.ndarray:
         """(N - 1,) along the logs."""
         parts = [f * self.grammar.values(t) for f, t in zip(self.factors, self.terms, strict=True)]
-        return np.asarray(sum(parts) + np.zeros(self.grammar.variables[0].values.size))
+        return np.asarray(sum(parts) + np.zeros(self.grammar.samples))
 
 
 class _SumProblem:
