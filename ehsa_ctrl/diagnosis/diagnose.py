@@ -57,6 +57,7 @@ from .pruning import prune
 from .records import Runs, Segment, joint_gap
 from .refit import HypothesisFit, refit_nominal
 from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
+from .second_search import search_from_selection
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
 from .sizes import of_causes, with_sizes
@@ -156,6 +157,9 @@ def diagnose(
     selection = select_model(scores, reference, threshold)
     if not lumped:
         selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
+        selection, hypotheses, scores = search_from_selection(
+            selection, scores, hypotheses, scoring, reference, threshold, windows or searched
+        )
     pool.progress.begin(1.0 - pool.progress.end)
     pool.progress.report("sizes", 0.0)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)

@@ -205,6 +205,14 @@ class Response:
     sensitivities: Mapping[str, np.ndarray] = field(repr=False)
 
 
+class Gain(NamedTuple):
+    """Predicted decrease of the cost, of which response, and the step (k,) of its parameters in their scales."""
+
+    decrease: float
+    response: Response
+    step: np.ndarray
+
+
 @dataclass(frozen=True)
 class Screening:
     """Responses of all candidates at one setting.
@@ -222,12 +230,10 @@ class Screening:
         sensitivities = np.column_stack([column for r in responses for column in r.sensitivities.values()])
         return cls(tuple(responses), sensitivities, np.column_stack([r.base - residual for r in responses]))
 
-    def gains(
-        self, hypotheses: Hypotheses, fit: HypothesisFit | None = None
-    ) -> list[tuple[float, Response, np.ndarray]]:
+    def gains(self, hypotheses: Hypotheses, fit: HypothesisFit | None = None) -> list[Gain]:
         """Predicted decrease of the cost for each response added to a fit (None: to the nominal model).
 
-        Returns (decrease, response, step of the candidate's parameters in their scales), the largest decrease first.
+        The largest decrease comes first.
         """
         if fit is None:
             own, used, r = 0, set[tuple[str, str | None]](), hypotheses.residual
@@ -265,7 +271,7 @@ class Screening:
             step = _clip_step(response, -np.linalg.solve(full, g), full, g)
             after = float(size[number]) + float((ridge * prior)[keep] @ prior[keep])
             after += 2.0 * float(g @ step) + float(step @ full @ step)
-            found.append((without - after, response, step[: end - begin]))
+            found.append(Gain(without - after, response, step[: end - begin]))
         return sorted(found, key=lambda row: -row[0])
 
 

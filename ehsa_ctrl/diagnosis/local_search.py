@@ -11,13 +11,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..physics.effects import CandidateEffect
 from .hypothesis_search import (
     MIN_ADDED_GAIN,
     MIN_GAIN,
     MIN_GAIN_SHARE,
+    Gain,
     Hypotheses,
     Key,
+    Response,
     Screening,
     Task,
     distinct_tasks,
@@ -75,10 +79,12 @@ def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypo
         for out in left_out
     ]
     found = found.with_refits(reduced, "neighbouring sets", steps=3)
-    tasks = _additions(found, screening, base, ADDED) if len(base.candidates) < MAX_CAUSES else []
+    tasks = _additions(screening.gains(found, base), base, ADDED) if len(base.candidates) < MAX_CAUSES else []
     for out, task in zip(left_out, reduced, strict=True):
         for fit in found.fits_of([task]):
-            tasks += _additions(found, screening, fit, EXCHANGED, out)
+            gains = screening.gains(found, fit)
+            tasks += _additions(gains, fit, EXCHANGED, out)
+            tasks += _other_forms(gains, fit, out)
     known = set(found.fits)
     tasks = [task for task in distinct_tasks(tasks) if hypothesis_key(task.candidates) not in known]
     found = found.with_refits(tasks, "neighbouring sets", steps=4)
@@ -87,23 +93,30 @@ def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypo
 
 
 def _additions(
-    found: Hypotheses,
-    screening: Screening,
-    fit: HypothesisFit,
-    count: int,
-    left_out: CandidateEffect | None = None,
+    gains: Sequence[Gain], fit: HypothesisFit, count: int, left_out: CandidateEffect | None = None
 ) -> list[Task]:
     """A fit with each of the effects that promise most beside it, without the one that was just left out."""
     tasks: list[Task] = []
     seen = set() if left_out is None else {left_out.key}
-    for gain, response, step in screening.gains(found, fit):
+    for gain, response, step in gains:
         if gain < MIN_ADDED_GAIN or len(tasks) >= count:
             break
         if response.candidate.key in seen:
             continue
         seen.add(response.candidate.key)
-        tasks.append(Task((*fit.candidates, response.candidate), start_values(response, step, fit.values), fit))
+        tasks.append(_added(fit, response, step))
     return tasks
+
+
+def _other_forms(gains: Sequence[Gain], fit: HypothesisFit, left_out: CandidateEffect) -> list[Task]:
+    """A fit with each other form of the effect that was just left out: a mass on the rod for one behind the cell."""
+    forms = ((r, step) for _, r, step in gains if r.candidate.key == left_out.key)
+    return distinct_tasks(_added(fit, r, step) for r, step in forms if r.candidate.names != left_out.names)
+
+
+def _added(fit: HypothesisFit, response: Response, step: np.ndarray) -> Task:
+    """A fit with one more effect, after the step that the screening predicts."""
+    return Task((*fit.candidates, response.candidate), start_values(response, step, fit.values), fit)
 
 
 def _price(found: Hypotheses, fit: HypothesisFit) -> float:

@@ -1,0 +1,71 @@
+"""The search from the selected causes, on a carriage whose mass is wrong and that follows the force late."""
+
+import numpy as np
+import pytest
+
+import ehsa_ctrl
+from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
+from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
+from ehsa_ctrl.diagnosis.objective import objective_of
+from ehsa_ctrl.diagnosis.pool import Pool
+from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
+from ehsa_ctrl.diagnosis.records import Segment
+from ehsa_ctrl.diagnosis.refit import refit, refit_until_converged
+from ehsa_ctrl.diagnosis.scoring import Scoring
+from ehsa_ctrl.diagnosis.second_search import search_from_selection
+
+THRESHOLD = 0.03
+#: By how much the motion is late [s].
+LATE = 0.02
+BOTH = "payload_mass", "drive_delay"
+
+
+@pytest.fixture(scope="module")
+def selected():
+    """What the search does from a set of causes, fitted: the selections before and after, and the simulations."""
+    rig = ehsa_ctrl.load_plant("emps")
+    time = np.arange(0.0, 9.0, 0.004)
+    force = 75.0 * np.sin(2.0 * np.pi * 0.9 * time) * np.where(np.sin(2.0 * np.pi * 0.17 * time) > 0.0, 1.0, 0.6)
+    run = ehsa_ctrl.simulate(rig, force, hold="first_order", sample_time=0.004)
+    position = np.interp(time - LATE, time, run["x"]) + 1e-6 * np.random.default_rng(0).standard_normal(time.size)
+    log = ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
+    prepared = prepare_logs(rig.set(M=1.4 * rig["M"]), [log], None, THRESHOLD, check=True)
+    segments = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True)
+
+    def search(*ids):
+        objective, sensitivities = objective_of(segments.training, THRESHOLD)
+        candidates = tuple(candidate_effects(segments.training.model))
+        hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
+        members = tuple(next(one for one in candidates if one.id == id) for id in ids)
+        fits = [refit(objective, (), {}, {}, steps=0), refit_until_converged(objective, members, {})]
+        # The weights are those of the best model, as at the end of a first search.
+        both = tuple(next(c for c in candidates if c.id == id) for id in BOTH)
+        best = hypotheses.with_fits([refit_until_converged(objective, both, {})])
+        scoring = Scoring.of(best, segments.training, segments.held_out, THRESHOLD, lumped=False)
+        hypotheses = hypotheses.with_fits(fits)
+        scores = [scoring.score(fit) for fit in fits]
+        reference = Reference.of(scoring)
+        before = select_model(scores, reference, THRESHOLD)
+        runs = objective.count.total
+        after, _, found = search_from_selection(
+            before, scores, hypotheses, scoring, reference, THRESHOLD, segments.training
+        )
+        return before, after, len(found) - len(scores), objective.count.total - runs
+
+    return search
+
+
+def test_a_missing_cause_is_found_from_the_selected_one(selected):
+    before, after, _, _ = selected("payload_mass")
+    assert [id for id, _ in before.chosen.causes] == ["payload_mass"]
+    assert {id for id, _ in after.chosen.causes} == {*BOTH}
+    assert after.chosen.fit.values["M"] == pytest.approx(ehsa_ctrl.load_plant("emps")["M"], rel=0.01)
+    (delay,) = (c.names[0] for c in after.chosen.fit.candidates if c.id == "drive_delay")
+    assert after.chosen.fit.values[delay] == pytest.approx(LATE, rel=0.05)
+
+
+def test_nothing_is_searched_where_only_noise_is_left(selected):
+    before, after, more, runs = selected(*BOTH)
+    assert {id for id, _ in before.chosen.causes} == {*BOTH}
+    assert after is before and more == 0 and runs == 0
