@@ -36,7 +36,7 @@ from .hypothesis_model import (
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
 from .law.experiment import form_experiment
-from .law.find import FoundLaw, LawBase, find_law, without_imitators
+from .law.find import FoundLaw, LawBase, find_law, law_is_sought, without_imitators
 from .law.free_run import with_effect
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
@@ -282,11 +282,10 @@ def _diagnose_selection(
         improved, explanation = explained(selection, sd)
         explanation = replace(explanation, verdict="partly")
     selection = replace(selection, verdict=explanation.verdict)
-    law = _law(
+    law, selection = _law(
         prepared, segments, hypotheses, scoring, reference, selection, logs_with=lambda fit: with_causes_of(fit, {})[1]
     )
     if law is not None:
-        selection = without_imitators(selection, law)
         improved, _ = with_causes_of(selection.chosen.fit, sd)
     chosen = selection.chosen
     if not selection.named:
@@ -368,20 +367,27 @@ def _law(
     reference: Reference,
     selection: Selection,
     logs_with: Callable[[HypothesisFit], Sequence[CurveLog]],
-) -> FoundLaw | None:
-    """The law of what no effect of the catalogue explains, beside the causes if some are named.
+) -> tuple[FoundLaw | None, Selection]:
+    """The law of what no effect of the catalogue explains, and the selection without the causes that imitate it.
 
     logs_with: the logs with the plant that has the effects of a fit.
     """
-    if selection.verdict not in ("outside_catalogue", "partly"):
-        return None
+    if not law_is_sought(selection, reference):
+        return None, selection
 
     def base_of(fit: HypothesisFit) -> LawBase:
         logs = logs_with(fit) if fit.candidates else curve_logs(prepared, segments, prepared.plant)
         return LawBase(logs, fit)
 
     fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.named else [])]
-    return find_law(fits, base_of, scoring, reference, hypotheses.pool)
+    law = find_law(fits, base_of, scoring, reference, hypotheses.pool)
+    if law is None:
+        return None, selection
+    others = without_imitators(selection, law)
+    if others is selection and selection.explains:
+        # What causes leave that explain the gap does not matter.
+        return None, selection
+    return law, others
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:

@@ -52,6 +52,11 @@ class Selection:
         """Whether the verdict names the chosen causes."""
         return self.verdict in NAMING
 
+    @property
+    def explains(self) -> bool:
+        """Whether the verdict says that the chosen causes explain the gap."""
+        return self.verdict not in ("outside_catalogue", "partly")
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -83,6 +88,10 @@ class Reference:
     def unexplained(self, one: ScoredHypothesis) -> float:
         """Deviance above that of noise."""
         return max(one.deviance - self.noise, 0.0)
+
+    def unexplained_share(self, one: ScoredHypothesis) -> float:
+        """The same as a share of that of the nominal model."""
+        return self.unexplained(one) / max(self.nominal - self.noise, 1.0)
 
     def closed(self, one: ScoredHypothesis) -> tuple[float, float]:
         """Share of the nominal gap in total that a hypothesis closes on training and held-out data."""
@@ -151,7 +160,6 @@ def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesi
 
 def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
     """See `Selection.misfit`."""
-    unexplained = reference.unexplained(chosen) / max(reference.nominal - reference.noise, 1.0)
     gap_left = float(np.sqrt(max(chosen.training_gap["total"] ** 2 - reference.floors[0].get("total", 0.0) ** 2, 0.0)))
     left = gap_left / max(reference.training_gap, 1e-9)
     excess = chosen.fit.rms**2 - reference.noise_square
@@ -159,6 +167,7 @@ def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
         min(s.share / a, s.rms / b)
         for s, a, b in zip(chosen.low_frequency_errors, LOW_FREQUENCY_LEFT, LOW_FREQUENCY_RMS, strict=True)
     )
+    unexplained = reference.unexplained_share(chosen)
     return max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, unexplained / UNEXPLAINED), *low_frequency, 0.0)
 
 

@@ -522,14 +522,14 @@ def test_an_end_value_that_the_log_does_not_reach_is_tried_in_proportion_to_time
     assert "exp" not in definition_of(other, []).expression
 
 
-def tried_law(place, base, deviance, gaps, without):
+def tried_law(place, base, deviance, gaps, without, deviance_without=0.0):
     """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
 
     def scored(deviance, gaps):
         return N(deviance=deviance, training_gap={"total": gaps[0]}, held_out_gap={"total": gaps[1]})
 
     law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place)))
-    return N(law=law, base=base, without=scored(0.0, without))
+    return N(law=law, base=base, without=scored(deviance_without, without))
 
 
 def test_effects_that_imitate_a_law_are_not_named_beside_it():
@@ -553,6 +553,20 @@ def test_effects_that_imitate_a_law_are_not_named_beside_it():
     assert found == [alone, other]
 
 
+def test_a_law_replaces_effects_by_its_deviance_where_its_gaps_are_no_larger():
+    """Single slips decide most of what both leave, but the deviance is lower by more than the margin."""
+    effects = N(fit=N(candidates=("orifice_leakage", "chamber_volume_variation")))
+    last = tried_law("pump_flow", effects, 650.0, (0.014, 0.016), (0.014, 0.016), 657.0).without
+
+    def found(deviance, gaps):
+        alone = tried_law("pump_flow", N(fit=N(candidates=())), deviance, gaps, (0.05, 0.056), 1800.0)
+        return laws_of_best([alone], last, Reference(259.0, 1886.0, 0.05, 1.0)) == [alone]
+
+    assert found(507.0, (0.0125, 0.0148))
+    assert not found(607.0, (0.0125, 0.0148)) and found(607.0, (0.0125, 0.010))
+    assert not found(507.0, (0.0125, 0.0165)) and not found(507.0, (0.0145, 0.0148))
+
+
 def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkeypatch):
     """The law has a smaller deviance without it, and a larger one without the other effect."""
     delay, orifice = (N(key=(id, None), names=(id,)) for id in ("sensor_delay", "orifice_leakage"))
@@ -572,9 +586,11 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
 
     monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
     monkeypatch.setattr(find, "refit_laws", refitted)
-    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest))
+    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=0.0))
     both = (orifice, delay)
-    first = find._Tried(law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest), None, 0.0)
+    first = find._Tried(
+        law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=0.0), None, 0.0
+    )
 
     found = find._with_fewer_effects(
         [first], first.without, lambda one: find.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
@@ -619,9 +635,25 @@ def test_nothing_is_named_where_the_law_needs_no_effect():
     assert after.verdict == "outside_catalogue" and not after.named
 
 
+def test_causes_that_explained_the_gap_do_so_no_more_where_a_law_replaces_some():
+    before, after = selected(("sensor_delay",), verdict="effect")
+    assert before.explains and after.verdict == "partly" and after.named
+
+
 def test_a_selection_that_names_nothing_stays():
     before, after = selected((), verdict="outside_catalogue")
     assert after is before
+
+
+def test_a_law_is_sought_where_the_catalogue_leaves_much_of_the_deviance():
+    """Of 1000 above noise; whatever is left, where the catalogue does not explain the gap."""
+    reference = Reference(100.0, 1100.0, 0.05, 1.0)
+
+    def sought(verdict, deviance):
+        return find.law_is_sought(Selection(verdict, N(deviance=deviance), {}, {}, (), 0.0), reference)
+
+    assert sought("effect", 300.0) and sought("ambiguous", 300.0) and not sought("effect", 150.0)
+    assert sought("outside_catalogue", 150.0) and sought("partly", 150.0)
 
 
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"
