@@ -653,7 +653,7 @@ def test_a_law_is_sought_where_the_catalogue_leaves_much_of_the_deviance():
         return find.law_is_sought(Selection(verdict, N(deviance=deviance), {}, {}, (), 0.0), reference)
 
     assert sought("effect", 300.0) and sought("ambiguous", 300.0) and not sought("effect", 150.0)
-    assert sought("outside_catalogue", 150.0) and sought("partly", 150.0)
+    assert sought("outside_catalogue", 150.0) and sought("partly", 150.0) and not sought("underdetermined", 300.0)
 
 
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"

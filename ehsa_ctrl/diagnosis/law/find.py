@@ -131,7 +131,9 @@ def find_law(
 
 def law_is_sought(selection: Selection, reference: Reference) -> bool:
     """Whether the catalogue does not explain the gap, or only with causes that may imitate a law."""
-    return not selection.explains or reference.unexplained_share(selection.chosen) > IMITATED
+    if not selection.explains:
+        return True
+    return selection.named and reference.unexplained_share(selection.chosen) > IMITATED
 
 
 def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
