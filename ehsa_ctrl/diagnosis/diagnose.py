@@ -157,9 +157,11 @@ def diagnose(
     selection = select_model(scores, reference, threshold)
     if not lumped:
         selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
-        selection, hypotheses, scores = search_from_selection(
-            selection, scores, hypotheses, scoring, reference, threshold, windows or searched
-        )
+        if all_data:
+            # Elsewhere its refits to all training data would take more time than the first search.
+            selection, hypotheses, scores = search_from_selection(
+                selection, scores, hypotheses, scoring, reference, threshold, windows or searched
+            )
     pool.progress.begin(1.0 - pool.progress.end)
     pool.progress.report("sizes", 0.0)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
