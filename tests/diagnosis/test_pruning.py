@@ -5,15 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
 from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
-from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
 from ehsa_ctrl.diagnosis.pruning import prune
-from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.refit import refit
 from ehsa_ctrl.diagnosis.scoring import Scoring
 from ehsa_ctrl.diagnosis.sizes import fit_sizes
@@ -22,16 +19,8 @@ THRESHOLD = 0.03
 
 
 @pytest.fixture(scope="module")
-def segments():
-    """Training and held-out data of a carriage whose nominal mass is 40 % too large."""
-    rig = ehsa_ctrl.load_plant("emps")
-    time = np.arange(0.0, 9.0, 0.004)
-    force = 75.0 * np.sin(2.0 * np.pi * 0.9 * time) * np.where(np.sin(2.0 * np.pi * 0.17 * time) > 0.0, 1.0, 0.6)
-    run = ehsa_ctrl.simulate(rig, force, hold="first_order", sample_time=0.004)
-    position = run["x"] + 1e-6 * np.random.default_rng(0).standard_normal(time.size)
-    log = ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
-    prepared = prepare_logs(rig.set(M=1.4 * rig["M"]), [log], None, THRESHOLD, check=True)
-    return split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True)
+def segments(carriage_segments):
+    return carriage_segments()
 
 
 def candidate(hypotheses, id):

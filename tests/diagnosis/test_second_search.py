@@ -1,6 +1,5 @@
 """The search from the selected causes, on a carriage whose mass is wrong and that follows the force late."""
 
-import numpy as np
 import pytest
 
 import ehsa_ctrl
@@ -9,8 +8,6 @@ from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
 from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
-from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
-from ehsa_ctrl.diagnosis.records import Segment
 from ehsa_ctrl.diagnosis.refit import refit, refit_until_converged
 from ehsa_ctrl.diagnosis.scoring import Scoring
 from ehsa_ctrl.diagnosis.second_search import search_from_selection
@@ -22,16 +19,9 @@ BOTH = "payload_mass", "drive_delay"
 
 
 @pytest.fixture(scope="module")
-def selected():
+def selected(carriage_segments):
     """What the search does from a set of causes, fitted: the selections before and after, and the simulations."""
-    rig = ehsa_ctrl.load_plant("emps")
-    time = np.arange(0.0, 9.0, 0.004)
-    force = 75.0 * np.sin(2.0 * np.pi * 0.9 * time) * np.where(np.sin(2.0 * np.pi * 0.17 * time) > 0.0, 1.0, 0.6)
-    run = ehsa_ctrl.simulate(rig, force, hold="first_order", sample_time=0.004)
-    position = np.interp(time - LATE, time, run["x"]) + 1e-6 * np.random.default_rng(0).standard_normal(time.size)
-    log = ehsa_ctrl.Log(time, {"drive_force": force, "position": position})
-    prepared = prepare_logs(rig.set(M=1.4 * rig["M"]), [log], None, THRESHOLD, check=True)
-    segments = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True)
+    segments = carriage_segments(LATE)
 
     def search(*ids):
         objective, sensitivities = objective_of(segments.training, THRESHOLD)
