@@ -6,9 +6,9 @@ python benchmarks/withheld/leave_one_out.py --set tuning --out results/withheld/
 
 For each effect that the grammar of laws can write, the first case of the family `single` is taken in which the effect
 alone makes a gap of LARGE or more. The diagnosis runs without that effect and without those whose law contains it.
-Where the rest of the catalogue leaves less than the threshold, no law is looked for: what is named is shown, and the
-shares of right laws count the others. Seeds of `tuning` and `reported` are separate. After an interruption the same
-command continues.
+Where the rest of the catalogue leaves less than the threshold and less than a tenth of the deviance, no law is looked
+for: what is named is shown, and the shares of right laws count the others. Seeds of `tuning` and `reported` are
+separate. After an interruption the same command continues.
 """
 
 from __future__ import annotations

@@ -158,7 +158,7 @@ def diagnose(
     if not lumped:
         selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
         if all_data:
-            # Elsewhere its refits to all training data would take more time than the first search.
+            # After a search on a stretch, its refits to all training data took 70 of 175 s on a log of 400 s.
             selection, hypotheses, scores = search_from_selection(
                 selection, scores, hypotheses, scoring, reference, threshold, windows or searched
             )

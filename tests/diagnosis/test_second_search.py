@@ -27,11 +27,14 @@ def selected(carriage_segments):
         objective, sensitivities = objective_of(segments.training, THRESHOLD)
         candidates = tuple(candidate_effects(segments.training.model))
         hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
-        members = tuple(next(one for one in candidates if one.id == id) for id in ids)
-        fits = [refit(objective, (), {}, {}, steps=0), refit_until_converged(objective, members, {})]
+
+        def fit(ids):
+            members = tuple(next(one for one in candidates if one.id == id) for id in ids)
+            return refit_until_converged(objective, members, {})
+
+        fits = [refit(objective, (), {}, {}, steps=0), fit(ids)]
         # The weights are those of the best model, as at the end of a first search.
-        both = tuple(next(c for c in candidates if c.id == id) for id in BOTH)
-        best = hypotheses.with_fits([refit_until_converged(objective, both, {})])
+        best = hypotheses.with_fits([fit(BOTH)])
         scoring = Scoring.of(best, segments.training, segments.held_out, THRESHOLD, lumped=False)
         hypotheses = hypotheses.with_fits(fits)
         scores = [scoring.score(fit) for fit in fits]
