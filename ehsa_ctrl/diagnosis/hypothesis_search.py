@@ -135,6 +135,15 @@ class Hypotheses:
             self.pool.map(stage, lambda pair: refit_by_windows(objective, windows, pair[0].start, pair[1]), near)
         )
 
+    def with_compared_refits(
+        self, tasks: Sequence[Task], stage: str, windows: Segment | None = None, beside: Sequence[Task] = ()
+    ) -> Hypotheses:
+        """Refit hypotheses that are compared: converged, and neither they nor those beside fit worse than a part.
+
+        windows: see `with_converged_refits`.
+        """
+        return self.with_converged_refits(tasks, stage, windows).with_nested_refits([*beside, *tasks], stage)
+
     def with_fits(self, found: Iterable[HypothesisFit | None]) -> Hypotheses:
         """With fits added; of each hypothesis the better one is kept."""
         fits = dict(self.fits)

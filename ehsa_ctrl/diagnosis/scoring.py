@@ -277,13 +277,11 @@ def score_hypotheses(
         for one in ([] if scoring.lumped else rank(refined))
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
-    hypotheses = hypotheses.with_converged_refits(exact, "sets of causes", windows)
-    hypotheses = hypotheses.with_nested_refits(exact, "sets of causes")
+    hypotheses = hypotheses.with_compared_refits(exact, "sets of causes", windows)
     found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
     bases = [] if scoring.lumped else _bases(rank(found), rank([*found, *refined]))
     near = neighbours(hypotheses, [one.fit for one in bases], searched or scoring.training)
-    hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
-    hypotheses = hypotheses.with_nested_refits([*exact, *near], "neighbouring sets")
+    hypotheses = hypotheses.with_compared_refits(near, "neighbouring sets", beside=exact)
     scores = score_best(hypotheses, refined)
     scores += new_scores(hypotheses, scoring, hypotheses.fits_of([*exact, *near]), scores)
     if not any(np.isfinite(one.deviance) for one in scores):

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from .hypothesis_search import Hypotheses
 from .local_search import neighbours
-from .model_selection import MARGIN, Reference, Selection, select_model
+from .model_selection import MARGIN, Reference, Selection, select_model, selection_of
 from .pruning import prune
 from .records import Segment
 from .scoring import PARAMETER_PENALTY, ScoredHypothesis, Scoring, new_scores
@@ -39,10 +39,15 @@ def search_from_selection(
         if reference.unexplained(chosen) <= MARGIN + PARAMETER_PENALTY * chosen.fit.n_effect:
             break
         near = neighbours(hypotheses, [chosen.fit], searched)
-        hypotheses = hypotheses.with_converged_refits(near, "neighbouring sets")
-        hypotheses = hypotheses.with_nested_refits(near, "neighbouring sets")
-        scores += new_scores(hypotheses, scoring, hypotheses.fits_of(near), scores)
-        selection = select_model(scores, reference, threshold)
+        hypotheses = hypotheses.with_compared_refits(near, "neighbouring sets")
+        found = new_scores(hypotheses, scoring, hypotheses.fits_of(near), scores)
+        scores += found
+        again = select_model(scores, reference, threshold)
+        if not any(one is again.chosen for one in found):
+            # A set that was known before was not selected, or pruning refused it: only its rivals are new.
+            selection = selection_of(chosen, again.ranked, reference)
+            break
+        selection = again
         if selection.chosen.label == chosen.label and selection.chosen.deviance > chosen.deviance - MARGIN:
             break
         selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.compiled import cached_njit
+from ..core.linear_recursion import add_product
 
 
 class InnovationsFilter(NamedTuple):
@@ -44,37 +45,6 @@ def innovations_filter(
     by_state, by_input = np.ascontiguousarray(by_state), np.ascontiguousarray(by_input)
     gains, spread = _filter_gains(by_state, by_input, column, scale, sd, input_sd)
     return InnovationsFilter(by_state, by_input, column, scale, gains, spread, input_sd)
-
-
-@cached_njit(nogil=True)
-def _add_product(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
-    """out += a b; for matrices of a few rows a loop is faster than BLAS.
-
-    Here and below loops replace slices and `np.outer`, which take seconds to compile.
-    """
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            for m in range(a.shape[1]):
-                out[i, j] += a[i, m] * b[m, j]
-
-
-@cached_njit(nogil=True)
-def propagate_sensitivities(by_state: np.ndarray, by_parameter: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Derivatives of the states along a run (N, n, q + k), by q directions of the initial state and k parameters.
-
-    by_state (N-1, n, n), by_parameter (N-1, n, k), begin (n, q).
-    """
-    n, q = begin.shape
-    out = np.zeros((by_parameter.shape[0] + 1, n, q + by_parameter.shape[2]))
-    for i in range(n):
-        for j in range(q):
-            out[0, i, j] = begin[i, j]
-    for s in range(by_parameter.shape[0]):
-        for i in range(n):
-            for j in range(by_parameter.shape[2]):
-                out[s + 1, i, q + j] = by_parameter[s, i, j]
-        _add_product(by_state[s], out[s], out[s + 1])
-    return out
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -104,11 +74,11 @@ def _filter_gains(
                         P[i, j] = 0.5 * (updated[i, j] + updated[j, i])
         if s + 1 < samples and variance > 0.0:
             moved = np.zeros((n, n))
-            _add_product(by_state[s], P, moved)
+            add_product(by_state[s], P, moved)
             for i in range(n):
                 for j in range(n):
                     P[i, j] = variance * by_input[s, i] * by_input[s, j]
-            _add_product(moved, by_state[s].T, P)
+            add_product(moved, by_state[s].T, P)
     return gains, spread
 
 
@@ -130,7 +100,7 @@ def whiten(run: InnovationsFilter, values: np.ndarray, errors: np.ndarray) -> np
                     estimate[i, j] += run.gains[s, c, i] * innovation
         if s + 1 < samples:
             moved = np.zeros(estimate.shape)
-            _add_product(run.by_state[s], estimate, moved)
+            add_product(run.by_state[s], estimate, moved)
             estimate = moved
             for i in range(estimate.shape[0]):
                 estimate[i, 0] -= run.by_input[s, i] * errors[s]
@@ -149,7 +119,7 @@ def smooth_input_errors(run: InnovationsFilter, white: np.ndarray) -> np.ndarray
         if s + 1 < samples:
             out[s] = run.input_sd * run.input_sd * np.sum(run.by_input[s] * r[:, 0])
             back = np.zeros(r.shape)
-            _add_product(run.by_state[s].T, r, back)
+            add_product(run.by_state[s].T, r, back)
             r = back
         for c in range(channels - 1, -1, -1):
             total = white[s, c] / run.spread[s, c]

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.linear_recursion import linear_recursion
 from ..core.log import Log
 from ..plant.plant import Plant, Sensor
 from ..simulation.sensitivity import transitions
 from ..simulation.sensors import first_order, first_order_by_lag
 from .initial_state import sensor_sd
-from .innovations import InnovationsFilter, innovations_filter, propagate_sensitivities
+from .innovations import InnovationsFilter, innovations_filter
 from .logged_inputs import acting_drive, logged_inputs
 from .plant_log import plant_of_log
 from .shooting import ShootingWindow
@@ -108,7 +109,8 @@ def simulate_window(
     true = _delayed(filtered, delays)
     simulated = scale * true + np.array([sensor.bias for sensor in sensors])
     begin = np.eye(start.size)[:, list(window.free)]
-    by_state = propagate_sensitivities(run.by_state, run.by_parameter, begin)[:, measured.column, :]
+    # By the initial state the products of the transitions, by a parameter the sum of what each sample adds.
+    by_state = linear_recursion(run.by_state, run.by_parameter, begin)[:, measured.column, :]
     by_state = _delayed(_filtered(by_state, sensors, dt, moving), delays) * scale[None, :, None]
     q = len(window.free)
     by_parameter = np.zeros((len(window), len(sensors), len(names)))

@@ -104,7 +104,7 @@ def test_location_and_width_come_back(unknown, text, at, width):
 def test_a_bump_that_leaves_the_data_ends_its_sum(monkeypatch):
     """At 19 of its widths from the data it is almost zero, and the square of its factor overflows: no standard
     deviation is infinite, which no effect's file can have."""
-    monkeypatch.setattr(regression, "_shaped", lambda grammar, windows, nuisance, terms: [far(one) for one in terms])
+    monkeypatch.setattr(regression, "_shaped", lambda grammar, target, terms: [far(one) for one in terms])
 
     def far(term):
         if term.text != "exp(-((x - at) / width)**2)":

@@ -5,7 +5,6 @@ import pytest
 
 from ehsa_ctrl.identification.innovations import (
     innovations_filter,
-    propagate_sensitivities,
     smooth_input_errors,
     whiten,
 )
@@ -86,16 +85,3 @@ def test_without_noise_on_the_input_it_divides_by_the_sensors_noise(chain):
     white = whiten(run, e, np.zeros(N))
 
     assert np.array_equal(white[:, :, 0], e[:, :, 0] / SD)
-
-
-def test_propagated_sensitivities_are_products(chain):
-    """By the initial state the product of the transitions, by a parameter the sum of what each sample adds."""
-    by_state = chain[0]
-    by_parameter = np.random.default_rng(9).standard_normal((N - 1, STATES, 2))
-
-    found = propagate_sensitivities(by_state, by_parameter, np.eye(STATES)[:, :1])
-
-    state, parameter = np.eye(STATES)[:, :1], np.zeros((STATES, 2))
-    for s in range(N - 1):
-        state, parameter = by_state[s] @ state, by_state[s] @ parameter + by_parameter[s]
-    assert found[-1] == pytest.approx(np.hstack([state, parameter]), rel=1e-10)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import lfilter
 
 from ...core.expression import Expression
+from ...core.linear_recursion import linear_recursion
 
 #: Time constants that are tried: for what follows within a motion [s], and for what takes a log, as shares of its
 #: length. Engineering judgement, as are the other grids.
@@ -82,27 +82,18 @@ class Memory:
 
 def _linear(slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
     """Course (N, n) from zero of dy/dt = slopes y + rest, with slopes (N, n, n) and rest (N, n) held over a sample."""
-    size, n = rest.shape
+    n = rest.shape[1]
     if n == 1:
         a, b = slopes[:, 0, 0] * dt, rest[:, 0] * dt
         gain = np.where(np.abs(a) < 1e-9, 1.0, np.expm1(a) / np.where(a == 0.0, 1.0, a))
-        keep, add = np.exp(a), gain * b
-        if np.ptp(keep) == 0.0:
-            return np.asarray(lfilter([0.0, 1.0], [1.0, -keep[0]], add))[:, None]
-        y, out = 0.0, np.zeros((size, 1))
-        for k, (one, more) in enumerate(zip(keep.tolist(), add.tolist(), strict=True)):
-            out[k, 0] = y
-            y = one * y + more
-        return out
-    block = np.zeros((2 * n, 2 * n))
-    block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
-    whole = expm(block)
-    keep, gain = whole[:n, :n], whole[:n, n:]
-    state, course = np.zeros(n), np.zeros((size, n))
-    for k in range(size):
-        course[k] = state
-        state = keep @ state + gain @ rest[k]
-    return course
+        keep, add = np.exp(a)[:, None, None], (gain * b)[:, None]
+    else:
+        block = np.zeros((2 * n, 2 * n))
+        block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
+        whole = expm(block)
+        keep, add = np.repeat(whole[None, :n, :n], len(rest), axis=0), rest @ whole[:n, n:].T
+    course = linear_recursion(keep[:-1].copy(), add[:-1, :, None].copy(), np.zeros((n, 0)))[:, :, 0]
+    return np.asarray(course[: len(rest)])
 
 
 def _means(course: np.ndarray, slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:

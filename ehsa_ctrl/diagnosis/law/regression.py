@@ -11,7 +11,8 @@ Methods for Dependent Data", 2003 (block bootstrap).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
@@ -89,52 +90,107 @@ class LawFit:
         return np.asarray(sum(parts) + np.zeros(self.grammar.samples))
 
 
-class _SumProblem:
-    """Normal equations of all terms, for each fold, from which the errors of the nominal parameters are eliminated, so
-    that thousands of sums cost little.
+@dataclass(frozen=True)
+class _Target:
+    """What sums explain: an unknown input over windows, from which errors of the nominal parameters are eliminated.
 
-    terms: those with a column that is not zero. y: (windows,) what they explain. total: its square.
+    nuisance: see `find_sums`. What follows from them alone is computed once for thousands of sums.
     """
 
-    def __init__(self, windows: Windows, terms: Sequence[Term], C: np.ndarray, P: np.ndarray, y: np.ndarray) -> None:
-        """C, P: (windows, terms) and (windows, nominal parameters) columns, those of the terms with any scale."""
-        self.windows, self.y, self.P = windows, y, P
+    windows: Windows
+    nuisance: np.ndarray = field(repr=False)
+
+    @property
+    def values(self) -> np.ndarray:
+        """(windows,) of the unknown input."""
+        return self.windows.values
+
+    @cached_property
+    def prior(self) -> float:
+        """Weight of the priors of the nominal parameters against the squares."""
+        return OVERLAP * CHANCE * float(np.mean(self.values**2)) + 1e-12
+
+    @cached_property
+    def folds(self) -> tuple[_Fold, ...]:
+        """Each half of the intervals for the test of a fit to the other half."""
+        return tuple(_Fold(self, test) for test in (0, 1))
+
+    @cached_property
+    def blocks(self) -> list[slice]:
+        """The windows of each block of the bootstrap."""
+        _, first = np.unique((self.windows.centres // BLOCK).astype(int), return_index=True)
+        return [slice(one, end) for one, end in zip(first, [*first[1:], self.values.size], strict=True)]
+
+    def column(self, grammar: Grammar, term: Term) -> np.ndarray:
+        """(windows,) means of a term."""
+        return self.windows.of((grammar.values(term) * np.ones(self.windows.size))[:, None])[:, 0]
+
+    def reversed(self) -> _Target:
+        """The unknown input reversed in time."""
+        return _Target(self.windows.reversed(), self.nuisance)
+
+
+class _Fold:
+    """Elimination of the errors of the nominal parameters, fitted to one half of the intervals, tested on the other.
+
+    With a (p,) these errors, their prior deviations as units, and L the weight of the prior,
+    a = (P'P + L)^-1 P'(y - C b) for any factors b of columns C.
+    """
+
+    def __init__(self, target: _Target, test: int) -> None:
+        self.fit, self.test = (np.flatnonzero(target.windows.fold == one) for one in (1 - test, test))
+        self.fitted, self.tested = (np.ascontiguousarray(target.nuisance[one].T) for one in (self.fit, self.test))
+        self.normal = self.fitted @ self.fitted.T + target.prior * np.eye(len(self.fitted))
+        self.square = self.tested @ self.tested.T
+
+    def products(self, both: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Normal equations of columns for the last one, on the windows for the fit, and the products (k, k) of what
+        remains of all on those for the test. both: (windows, k)."""
+        fit, test = both[self.fit], both[self.test]
+        before, after = self.fitted @ fit, self.tested @ test
+        a = np.linalg.solve(self.normal, before)
+        normal = (fit.T @ fit - before.T @ a)[:-1]
+        cross = after.T @ a
+        return normal[:, :-1], normal[:, -1], test.T @ test - cross - cross.T + a.T @ self.square @ a
+
+
+class _SumProblem:
+    """Normal equations of all terms, for each fold, so that thousands of sums cost little.
+
+    terms: those with a column that is not zero. total: square of what they explain.
+    """
+
+    def __init__(self, target: _Target, terms: Sequence[Term], columns: Sequence[np.ndarray]) -> None:
+        """columns: (windows,) of each term, with any scale."""
+        self.target = target
+        C = np.column_stack(columns) if len(columns) else np.zeros((target.values.size, 0))
         scales = np.sqrt(np.mean(C**2, axis=0))
         kept = np.isfinite(scales) & (scales > 0.0)
         self.terms = [term for term, one in zip(terms, kept, strict=True) if one]
         self.scales, self.C = scales[kept], C[:, kept] / scales[kept]
         self.numbers = np.array([1 + len(term.shapes) for term in self.terms], dtype=int)
-        chance = CHANCE * float(np.mean(y**2))
-        self.priors = OVERLAP * chance + 1e-12, RIDGE * y.size + 1e-12
-        self.folds = [self._fold(windows.fold != test, windows.fold == test) for test in (0, 1)]
-        self.total = float(y @ y)
-        self.nuisance_left = self.left(())
+        self.ridge = RIDGE * target.values.size + 1e-12
+        both = np.column_stack([self.C, target.values])
+        self.folds = [fold.products(both) for fold in target.folds]
+        self.total = float(target.values @ target.values)
 
     @classmethod
-    def of(cls, grammar: Grammar, windows: Windows, terms: Sequence[Term], nuisance: np.ndarray) -> _SumProblem:
-        columns = [windows.of((grammar.values(term) * np.ones(windows.size))[:, None])[:, 0] for term in terms]
-        C = np.column_stack(columns) if columns else np.zeros((windows.values.size, 0))
-        return cls(windows, terms, C, nuisance, windows.values)
+    def of(cls, grammar: Grammar, target: _Target, terms: Sequence[Term]) -> _SumProblem:
+        return cls(target, terms, [target.column(grammar, term) for term in terms])
 
     def reversed(self) -> _SumProblem:
         """The same terms for the unknown input reversed in time."""
-        return _SumProblem(self.windows, self.terms, self.C, self.P, self.windows.reversed().values)
+        return _SumProblem(self.target.reversed(), self.terms, list(self.C.T))
 
-    def _fold(self, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Normal equations of the terms on training windows, and the products on test windows with the last row and
-        column of the unknown input. With a the errors of the nominal parameters, their prior deviations as units and L
-        the weight of the prior, a = (P'P + L)^-1 P'(y - C b) for any factors b."""
-        both = np.column_stack([self.C, self.y])
-        P = self.P[train]
-        A = P.T @ P + self.priors[0] * np.eye(P.shape[1])
-        rest = both - self.P @ np.linalg.solve(A, P.T @ both[train])
-        normal = self.C[train].T @ rest[train]
-        return normal[:, :-1], normal[:, -1], rest[test].T @ rest[test]
+    @cached_property
+    def nuisance_left(self) -> float:
+        """Sum of squares that errors of the nominal parameters leave."""
+        return self.left(())
 
     def lefts(self, sums: np.ndarray) -> np.ndarray:
         """(n,) sum of squares that each sum (n, k) of terms leaves on the folds that it was not fitted to."""
         found = np.zeros(len(sums))
-        ridge = self.priors[1] * np.eye(sums.shape[1])
+        ridge = self.ridge * np.eye(sums.shape[1])
         for G, g, T in self.folds:
             i, j = sums[:, :, None], sums[:, None, :]
             b = np.linalg.solve(G[i, j] + ridge, g[sums][:, :, None])[:, :, 0]
@@ -154,19 +210,20 @@ class _SumProblem:
         """Share that all terms together explain."""
         return float(self.explained(np.arange(len(self.terms))[None, :])[0])
 
-    def solve(self, chosen: Sequence[int], weights: np.ndarray | None = None) -> np.ndarray:
-        """Factors of the terms, fitted to all windows. weights: of the windows."""
-        X = np.column_stack([self.P, self.C[:, list(chosen)]])
-        free = self.P.shape[1]
-        prior = np.repeat(self.priors, [free, len(chosen)])
-        W = X if weights is None else X * weights[:, None]
-        b = np.linalg.solve(W.T @ X + np.diag(prior), W.T @ self.y)
-        return np.asarray(b[free:] / self.scales[list(chosen)])
+    def factors(self, chosen: Sequence[int], counts: np.ndarray) -> np.ndarray:
+        """Factors (n, k) of the terms, fitted to all windows with each of several weights (n, blocks)."""
+        P, terms = self.target.nuisance, list(chosen)
+        Z = np.column_stack([P, self.C[:, terms], self.target.values])
+        products = np.stack([Z[one].T @ Z[one] for one in self.target.blocks])
+        G = np.tensordot(counts, products, axes=1)
+        prior = np.repeat([self.target.prior, self.ridge], [P.shape[1], len(terms)])
+        b = np.linalg.solve(G[:, :-1, :-1] + np.diag(prior), G[:, :-1, -1:])[:, P.shape[1] :, 0]
+        return np.asarray(b / self.scales[terms])
 
 
 def sums_and_placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> tuple[list[LawFit], float]:
     """`find_sums` and `placebo` of an unknown input."""
-    problem = _SumProblem.of(grammar, windows, list(grammar.terms()), nuisance)
+    problem = _SumProblem.of(grammar, _Target(windows, nuisance), list(grammar.terms()))
     return _find_sums(problem, grammar, MOST_TERMS), _placebo(problem)
 
 
@@ -194,7 +251,6 @@ def _placebo(problem: _SumProblem) -> float:
 
 
 def _find_sums(problem: _SumProblem, grammar: Grammar, most_terms: int) -> list[LawFit]:
-    windows, nuisance = problem.windows, problem.P
     everything = range(len(problem.terms))
     found = _selected(problem, everything, most_terms)
     if found:
@@ -202,7 +258,7 @@ def _find_sums(problem: _SumProblem, grammar: Grammar, most_terms: int) -> list[
         first = variables_of([problem.terms[i] for i in max(found)[1]])
         found += _selected(problem, [i for i in everything if not problem.terms[i].variables & first], most_terms)
     fits = [_fit(problem, grammar, chosen, share) for share, chosen in _varied(problem, found)]
-    stable = [one for one in (_stable(grammar, windows, nuisance, fit) for fit in fits) if one is not None]
+    stable = [one for one in (_stable(grammar, problem.target, fit) for fit in fits) if one is not None]
     distinct: list[LawFit] = []
     for one in sorted(stable, key=lambda fit: -fit.explained):
         if one.dissipates and not any(_alike(one, other) for other in distinct):
@@ -262,7 +318,7 @@ def _alike(one: LawFit, other: LawFit) -> bool:
 
 def explained_by(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
     """Share of an unknown input that a sum's terms explain, see `LawFit`."""
-    return _SumProblem.of(fit.grammar, windows, fit.terms, nuisance).whole
+    return _SumProblem.of(fit.grammar, _Target(windows, nuisance), fit.terms).whole
 
 
 def evidence(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
@@ -271,37 +327,34 @@ def evidence(fit: LawFit, windows: Windows, nuisance: np.ndarray) -> float:
 
     One block of the bootstrap counts as one sample, because errors of the balances are correlated within it.
     """
-    problem = _SumProblem.of(fit.grammar, windows, fit.terms, nuisance)
+    target = _Target(windows, nuisance)
+    problem = _SumProblem.of(fit.grammar, target, fit.terms)
     left = problem.left(range(len(problem.terms))) / max(problem.total, 1e-300)
-    blocks = np.unique((windows.centres // BLOCK).astype(int)).size
+    blocks = len(target.blocks)
     return -0.5 * float(blocks * np.log(max(left, 1e-12)) + fit.numbers * np.log(max(blocks, 2)))
 
 
 def _fit(problem: _SumProblem, grammar: Grammar, chosen: tuple[int, ...], share: float) -> LawFit:
     """A sum with its factors and their standard deviations by the block bootstrap."""
-    random = np.random.default_rng(0)
-    names, which = np.unique((problem.windows.centres // BLOCK).astype(int), return_inverse=True)
-    draws = []
-    for _ in range(RESAMPLES):
-        count = np.bincount(random.integers(0, names.size, names.size), minlength=names.size)
-        draws.append(problem.solve(chosen, count[which].astype(float)))
+    random, blocks = np.random.default_rng(0), len(problem.target.blocks)
+    draws = [np.bincount(random.integers(0, blocks, blocks), minlength=blocks) for _ in range(RESAMPLES)]
+    factors, *resampled = problem.factors(chosen, np.vstack([np.ones(blocks), *draws]))
     terms = tuple(problem.terms[i] for i in chosen)
-    factors = problem.solve(chosen)
     with np.errstate(over="ignore", invalid="ignore"):
         # A term that is almost zero along the log has a factor whose square overflows.
-        sd = np.std(draws, axis=0)
+        sd = np.std(resampled, axis=0)
     return LawFit(grammar, terms, tuple(factors.tolist()), tuple(sd.tolist()), share)
 
 
-def _stable(grammar: Grammar, windows: Windows, nuisance: np.ndarray, fit: LawFit) -> LawFit | None:
+def _stable(grammar: Grammar, target: _Target, fit: LawFit) -> LawFit | None:
     """The sum with its shapes off the grid and without unstable terms; None if none is left."""
     while True:
         sure = [abs(f) > STABLE * sd for f, sd in zip(fit.factors, fit.sd, strict=True)]
         terms = [term for term, one in zip(fit.terms, sure, strict=True) if one]
         if not terms:
             return None
-        terms = _shaped(grammar, windows, nuisance, terms)
-        problem = _SumProblem.of(grammar, windows, terms, nuisance)
+        terms = _shaped(grammar, target, terms)
+        problem = _SumProblem.of(grammar, target, terms)
         chosen = tuple(range(len(problem.terms)))
         found = _fit(problem, grammar, chosen, problem.whole)
         if not np.isfinite([*found.factors, *found.sd]).all():
@@ -319,7 +372,7 @@ def _scale(name: str, value: float, unit: str, whole: float) -> float:
     return 0.05 * value if unit == "1" else abs(value)
 
 
-def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: list[Term]) -> list[Term]:
+def _shaped(grammar: Grammar, target: _Target, terms: list[Term]) -> list[Term]:
     """Terms with the shapes that leave least, from those of the grid."""
     start = np.array([value for term in terms for value in term.shapes.values()])
     if start.size == 0:
@@ -336,12 +389,15 @@ def _shaped(grammar: Grammar, windows: Windows, nuisance: np.ndarray, terms: lis
             out.append(replace(term, shapes={name: next(given) for name in term.shapes}))
         return out
 
+    fixed = {i: target.column(grammar, term) for i, term in enumerate(terms) if not term.shapes}
+
     def left(z: np.ndarray) -> float:
         shaped = moved(z)
         pairs = zip(shaped, terms, strict=True)
         if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if n != "at"):
             return np.inf
-        problem = _SumProblem.of(grammar, windows, shaped, nuisance)
+        columns = [fixed[i] if i in fixed else target.column(grammar, term) for i, term in enumerate(shaped)]
+        problem = _SumProblem(target, shaped, columns)
         return problem.left(range(len(problem.terms))) if len(problem.terms) == len(terms) else np.inf
 
     first = np.vstack([np.zeros(start.size), 0.3 * np.eye(start.size)])
