@@ -11,11 +11,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ..core.log import Log
 from ..physics.effects import EFFECTS
 from .hypothesis_model import HypothesisModel, Setting
 from .signals import gap, moving_signals, scored_signals, signal_noise
+
+#: Angles in a turn that are tried for the first one of a run-in; waves have at most twelve periods a turn. Engineering
+#: judgement.
+ANGLES = 64
 
 #: Channel -> sensor reading (N,) of each record.
 Runs = tuple[Mapping[str, np.ndarray], ...]
@@ -66,7 +71,8 @@ class Record:
         """Channel -> sensor reading (N,) over the log; None if the run stopped.
 
         Rod position and mean pressure integrate, so that an error of their initial values does not decay. Their mean
-        error over the run-in corrects the initial values; that of an angle is the integral of the speed's at its end.
+        error over the run-in corrects the initial values. The angle of a law's wave is the one with which the run-in is
+        simulated best.
         """
         return self.with_corrected_start(values, self.model.run([values])[0])
 
@@ -87,19 +93,43 @@ class Record:
         if system.pressures and set(system.pressures) <= set(shift):
             level = 0.5 * sum(shift[state] for state in system.pressures)
             start |= {state: start[state] + level for state in system.pressures}
-        for name, channel in self._angles.items():
-            speed = model.log[channel][: self.first] - found[channel][: self.first]
-            start[name] = start.get(name, 0.0) + float(np.trapezoid(speed)) * model.log.sample_time
+        for name in self._angles:
+            start[name] = self._angle_of_run_in(name, start, values)
         return replace(model, start=start).run([values])[0] or found
 
+    def _angle_of_run_in(self, name: str, start: Mapping[str, float], values: Setting) -> float:
+        """The first value of an angle with which the run-in is simulated best.
+
+        The integral of a measured speed over the log before it drifts by more than a period.
+        """
+        model = replace(self.model, log=self.model.log.rows(0, self.first))
+        run_in = replace(self, model=model, parts=(slice(0, None),))
+        spread = {one: max(float(np.std(seen)), 1e-300) for one, seen in self.measured.items()}
+
+        def error(angle: float) -> float:
+            (run,) = replace(model, start={**start, name: angle}).run([values])
+            if run is None:
+                return np.inf
+            simulated = run_in.signals(run)
+            return sum(
+                float(np.var(seen - simulated[one])) / spread[one] ** 2
+                for one, seen in run_in.signals(model.log.channels).items()
+                if one in spread
+            )
+
+        step = 2.0 * np.pi / ANGLES
+        angles = start.get(name, 0.0) + step * np.arange(ANGLES)
+        best = float(min(angles, key=error))
+        return float(minimize_scalar(error, bounds=(best - step, best + step), method="bounded").x)
+
     @cached_property
-    def _angles(self) -> dict[str, str]:
-        """State of a law that integrates a measured speed -> channel of that speed."""
+    def _angles(self) -> tuple[str, ...]:
+        """Angles of laws: states that integrate a measured speed."""
         plant = self.model.plant
         channels = {state: channel for channel, state in plant.structure.system.outputs.items()}
         laws = [law.definition for name in plant.structure.effects if (law := EFFECTS[name].law) is not None]
-        rates = {name: one.rate for law in laws for name, one in law.states.items()}
-        return {n: channels[rate] for n, rate in rates.items() if channels.get(rate) in self.model.channels}
+        rates = {name: one.rate for law in laws for name, one in law.states.items() if one.unit == "rad"}
+        return tuple(n for n, rate in rates.items() if channels.get(rate) in self.model.channels)
 
     def signals(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Name -> scored signal over the scored samples, from channels."""

@@ -1,0 +1,191 @@
+"""What a law remembers: angles, lags, hysteresis, the running time, and where a part of a log begins."""
+
+import inspect
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from law_cases import TIME, case, with_memories
+
+import ehsa_ctrl as e
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
+from ehsa_ctrl.diagnosis.law.begin import Begin
+from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
+from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term
+from ehsa_ctrl.diagnosis.law.inputs import with_combined
+from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip, turn
+from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
+from ehsa_ctrl.diagnosis.place_sets import InjectionCase
+from ehsa_ctrl.diagnosis.regimes import Windows
+from ehsa_ctrl.diagnosis.signals import estimate_noise
+from ehsa_ctrl.diagnosis.validation_segment import initial_state, part_of_log
+from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
+
+
+def rippled(plant):
+    """The plant with a displacement that ripples by 20 % of D, twice a turn, and a noisy log of it."""
+    size = 0.2 * plant["D"]
+    file = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "ripple", "adds_to": "displacement",
+            "expression": "c_1 * sin(2 * turns)", "parameters": {"c_1": {"value": size, "unit": "m3", "neutral": 0.0}},
+            "states": {"turns": {"rate": "omega", "unit": "rad", "scale": 1.0}},
+        }
+    )  # fmt: skip
+    EFFECTS.keep("ripple", effect_of("ripple", file, "a test"))
+    rig = plant.with_effects("ripple", c_1=size)
+    return rig, e.record(rig, *e.excitation("noise", amplitude=3.0, duration=12.0, sample_time=0.004), centre=True)[0]
+
+
+def test_a_displacement_that_ripples_comes_back_and_keeps_the_power(plant):
+    """The law has its size, and adds flow and torque of one displacement."""
+    rig, log = rippled(plant)
+    size, changes = rig["c_1"], EFFECTS["ripple"].changes
+    flow, torque = changes["Q_P"], changes["T_P"]
+    one = InjectionCase.of(plant, log, {})
+    grammar = Grammar.of(plant, one.signals, "displacement")
+    windows = Windows(with_combined(one.unknown.values)["displacement"], 0.004)
+
+    best = find_sums(grammar, windows, np.zeros((windows.values.size, 0)))[0]
+
+    assert best.terms[0].text == "sin(order * memory + at)"
+    assert best.factors[0] == pytest.approx(size, rel=0.1)
+    assert best.terms[0].shapes["order"] == pytest.approx(2.0, abs=0.01)
+    # Without any other variable, it is drawn over the angle.
+    assert grammar.variables == () and grammar.shown(best.terms[0]).text == "angle"
+    assert best.values.shape == (log.time.size - 1,)
+    # Power into the oil and from the shaft: (P_1 - P_2) times the flow is omega times the torque.
+    a = {"c_1": size, "turns": 0.3, "omega": 120.0, "P_1": 4e5, "P_2": 1e5}
+    given = [{n: a[n] for n in inspect.signature(f).parameters if n in a} for f in (flow, torque)]
+    assert 3e5 * flow(0.0, **given[0]) == pytest.approx(120.0 * torque(0.0, **given[1]))
+
+
+@pytest.mark.parametrize(("angle", "speed"), [(0.0, 30.0), (2.0, 0.0), (-0.7, -20.0)])
+def test_the_angle_at_the_start_of_a_part_is_corrected(plant, angle, speed):
+    """By the run-in: angle (rad) and speed (rad/s) there off at first, the scored run is hardly worse."""
+    rig, log = rippled(plant)
+    part = part_of_log(rig, HypothesisModel(rig, log), estimate_noise(log), [slice(1500, 2500)])
+    start = part.model.start
+    start = {**start, "omega": start["omega"] + speed, "turns": start["turns"] + angle}
+    off = replace(part, model=replace(part.model, start=start))
+
+    assert off.gap(off.model.run([{}])[0])["total"] > 0.05
+    assert off.gap(off.simulate({}))["total"] < 0.02
+
+
+def test_an_angle_is_not_held_over_a_sample():
+    """Speed from rest to 300 rad/s: held over samples of 4 ms the angle would be 0.6 rad short."""
+    speed = 300.0 * np.linspace(0.0, 1.0, 251)[:-1]
+
+    angle = turn("omega").course({"omega": speed}, {}, 0.004, (0,))["memory"]
+
+    assert angle[-1] == pytest.approx(0.5 * 300.0 * (249 / 250) ** 2, rel=1e-6)
+
+
+def test_the_course_of_a_memory_has_its_closed_form():
+    """Steps of 1: a lag and a resonance; a hysteresis follows the motion until it slips at its width."""
+    known = {"u": np.ones(500), "v": np.full(500, 0.01)}
+    t = 0.004 * np.arange(500)
+    late = lag("u", "1", 1.0).course(known, {"tau": 0.3}, 0.004, [0])["memory"]
+    swing = resonance("u", "1", 1.0).course(known, {"frequency": 20.0, "damping": 0.2}, 0.004, [0])["memory"]
+    held = slip("v", "m", 1e-3).course(known, {"width": 2e-3}, 0.004, [0])["memory"]
+    damped = 20.0 * np.sqrt(1.0 - 0.2**2)
+    ring = np.exp(-4.0 * t) * (np.cos(damped * t) + 4.0 / damped * np.sin(damped * t))
+
+    assert late == pytest.approx(1.0 - np.exp(-t / 0.3), abs=1e-9)
+    assert swing == pytest.approx(1.0 - ring, abs=1e-9)
+    assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
+
+
+def test_the_mean_of_a_memory_over_a_sample():
+    """A fast lag and a resonance, driven by steps: the mean of a run with 200 times shorter samples."""
+    steps = np.repeat(np.random.default_rng(0).standard_normal(20), 4)
+    for memory, shapes in (
+        (lag("u", "1", 1.0), {"tau": 0.003}),
+        (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
+    ):
+        mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
+        fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]
+
+        assert mean[:-1] == pytest.approx(fine.reshape(-1, 200).mean(axis=1)[:-1], abs=0.01)
+
+
+def test_memories_start_anew_with_each_log():
+    """Two logs of 250 samples in one array: the clock begins twice."""
+    course = clock().course({"u": np.ones(500)}, {}, 0.004, [0, 250])["memory"]
+
+    assert course[:250] == pytest.approx(course[250:]) and course[-1] == pytest.approx(0.004 * 249)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "memories", "text", "shape", "expected"),
+    [
+        (lambda x, v, d: 40.0 * d * (1 - np.exp(-TIME[:-1] / 7.0)), over_time({"d_R": ()}, 24.0), "exp", "tau", 7.0),
+        (lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3), over_time({"d_R": ()}, 24.0), "tanh", "at", 9.3),
+    ],
+)
+def test_what_grows_with_time_comes_back(unknown, memories, text, shape, expected):
+    """A slow change and a sudden one, with their time."""
+    best = find_sums(*with_memories(case(unknown), *memories))[0]
+
+    assert text in best.terms[0].text and best.terms[0].memory is not None
+    assert best.terms[0].shapes[shape] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_law_with_a_memory_is_an_effect(plant):
+    """Its definition has the state, its rate and units that fit; a run has the state."""
+    found = find_sums(
+        *with_memories(case(lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3)), *over_time({"d_R": ()}, 24.0))
+    )
+    definition = definition_of(found[0], list(plant.parameters))
+    EFFECTS.keep("late_jam", effect_of("late_jam", definition, "a test"))
+    run = e.simulate(plant.with_effects("late_jam"), np.full(250, 2.0))
+
+    assert definition.states["c_m_1"].rate == "1" and "d_R" in definition.expression
+    assert run["c_m_1"][-1] == pytest.approx(0.004 * 249)
+
+
+@pytest.mark.parametrize(("share", "ends"), [(1.0, False), (0.5, True)])
+def test_an_end_value_that_the_log_does_not_reach_is_tried_in_proportion_to_time(share, ends):
+    """With the same slope at the start; a time constant within its bounds stays."""
+    grammar = with_memories(case(lambda x, v, d: 0.0 * x), *over_time({"v": ("v",)}, 24.0))[0]
+    found = next(one for one in grammar.memories if "exp" in one.text)
+    term = Term(found.text, frozenset(found.on), {"tau": 24.0}, found.units, found.memory)
+    law = LawFit(grammar, (term,), (300.0,), (3.0,), 0.7)
+    definition = definition_of(law, [])
+    own = definition.parameters["c_tau_1"]
+    tau = share * own.bounds[1]
+    parameters = definition.parameters | {"c_tau_1": own.model_copy(update={"value": tau})}
+    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": parameters}), Begin(), None, {})
+    other = refitted.proportional
+
+    if ends:
+        assert other is None
+        return
+    assert other.terms[0].text == "v * memory" and other.terms[0].shapes == {}
+    assert other.factors == (pytest.approx(300.0 / tau),) and other.sd == (pytest.approx(3.0 / tau),)
+    early = slice(0, 100)
+    values = [one.factors[0] * grammar.values(one.terms[0])[early] for one in (refitted.refitted, other)]
+    np.testing.assert_allclose(values[1], values[0], rtol=100 * 0.004 / tau, atol=1e-12)
+    assert "exp" not in definition_of(other, []).expression
+
+
+def test_a_part_of_a_log_begins_with_what_the_law_remembers(plant):
+    """The clock of a law does not start anew in the held-out last third: 4 s of a log that begins at 0."""
+    definition = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "a weaker motor", "adds_to": "torque",
+            "expression": "-c_old * current * age",
+            "parameters": {"c_old": {"value": 0.01, "unit": "N m/(A s)", "neutral": 0.0}},
+            "states": {"age": {"rate": "1", "unit": "s", "scale": 1.0}},
+        }
+    )  # fmt: skip
+    EFFECTS.keep("older", effect_of("older", definition, "a test"))
+    rig = plant.with_effects("older")
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=6.0, sample_time=0.004), centre=True)
+    model = HypothesisModel(rig, log, initial_state(rig, log))
+    part = part_of_log(rig, model, {}, [slice(1000, 1500)]).model
+    first = part.log.time[0]
+
+    assert 2.0 < first < 4.0 and part.start is not None
+    assert part.start["age"] == pytest.approx(first - log.time[0], abs=1e-9)

@@ -1,0 +1,142 @@
+"""Which law a diagnosis takes, and which causes stay beside it."""
+
+from types import SimpleNamespace as N
+
+from ehsa_ctrl.diagnosis.law import find
+from ehsa_ctrl.diagnosis.law.find import laws_of_best
+from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
+from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
+
+
+def tried_law(place, base, deviance, gaps, without, deviance_without=0.0):
+    """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
+
+    def scored(deviance, gaps):
+        return N(deviance=deviance, training_gap={"total": gaps[0]}, held_out_gap={"total": gaps[1]})
+
+    law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place)))
+    return N(law=law, base=base, without=scored(deviance_without, without))
+
+
+def test_effects_that_imitate_a_law_are_not_named_beside_it():
+    """They leave as little on the training data as the law alone does, and more held-out gap."""
+    plain, imitated = (0.02, 0.06), (0.003, 0.05)
+    plant, effects = N(fit=N(candidates=())), N(fit=N(candidates=("rod_friction", "hose_wall")))
+    alone = tried_law("pump_flow", plant, 5740.0, (0.002, 0.005), plain)
+    other = tried_law("pump_flow", plant, 5800.0, (0.002, 0.006), plain)
+    elsewhere = tried_law("force", plant, 5900.0, (0.002, 0.009), plain)
+    worse = tried_law("force", plant, 5700.0, (0.004, 0.009), plain)
+    reference = Reference(6000.0, 16000.0, 0.02, 1.0)
+
+    def best(deviance, gaps=(0.001, 0.005)):
+        beside = tried_law("pump_flow", effects, deviance, gaps, imitated)
+        return beside, laws_of_best([beside, elsewhere, other, alone, worse], beside.without, reference)
+
+    assert best(5730.0)[1] == [alone, other]
+    beside, found = best(5500.0)
+    assert found == [beside]
+    beside, found = best(5500.0, gaps=(0.0025, 0.005))
+    assert found == [alone, other]
+
+
+def test_a_law_replaces_effects_by_its_deviance_where_its_gaps_are_no_larger():
+    """Single slips decide most of what both leave, but the deviance is lower by more than the margin."""
+    effects = N(fit=N(candidates=("orifice_leakage", "chamber_volume_variation")))
+    last = tried_law("pump_flow", effects, 650.0, (0.014, 0.016), (0.014, 0.016), 657.0).without
+
+    def found(deviance, gaps):
+        alone = tried_law("pump_flow", N(fit=N(candidates=())), deviance, gaps, (0.05, 0.056), 1800.0)
+        return laws_of_best([alone], last, Reference(259.0, 1886.0, 0.05, 1.0)) == [alone]
+
+    assert found(507.0, (0.0125, 0.0148))
+    assert not found(607.0, (0.0125, 0.0148)) and found(607.0, (0.0125, 0.010))
+    assert not found(507.0, (0.0125, 0.0165)) and not found(507.0, (0.0145, 0.0148))
+
+
+def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkeypatch):
+    """The law has a smaller deviance without it, and a larger one without the other effect."""
+    delay, orifice = (N(key=(id, None), names=(id,)) for id in ("sensor_delay", "orifice_leakage"))
+    deviances = {"orifice_leakage sensor_delay": 135.0, "sensor_delay": 125.0, "orifice_leakage": 304.0, "": 298.0}
+    rest = {"total": 0.06}
+
+    def law(members):
+        ids = [name for one in members for name in one.names]
+        found = tried_law("pump_flow", None, deviances[" ".join(ids)], (0.007, 0.01), (0.06, 0.11)).law
+        return N(**vars(found), others=dict.fromkeys(ids), refitted=members, reduced=None)
+
+    def fit(members):
+        return N(candidates=members, without=lambda out, _: tuple(c for c in members if c is not out))
+
+    def refitted(laws, _scoring, base, *_):
+        return [law(base.candidates) for _ in laws]
+
+    monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
+    monkeypatch.setattr(find, "refit_laws", refitted)
+    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=0.0))
+    both = (orifice, delay)
+    first = find._Tried(
+        law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=0.0), None, 0.0
+    )
+
+    found = find._with_fewer_effects(
+        [first], first.without, lambda one: find.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
+    )
+
+    best = find.laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
+    assert [one.base.fit.candidates for one in best] == [(delay,)]
+    assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), ()]
+
+
+def selected(law_has, causes=("orifice_leakage", "sensor_delay", "K_T"), own=("sensor_delay", "K_T"), verdict="partly"):
+    """What `without_imitators` makes of a selection with two effects and a nominal parameter. law_has: effects beside
+    the law. own: what has a gap of its own in the hypothesis without the others."""
+    keys = {name: (name, None) for name in ("orifice_leakage", "sensor_delay", "K_T", "law")}
+    effects = tuple(N(key=keys[name]) for name in ("orifice_leakage", "sensor_delay"))
+    score = {"deviance": 1.0, "training_gap": {}, "held_out_gap": {}}
+    chosen = ScoredHypothesis(N(candidates=effects), own_gaps={}, causes=tuple(keys[n] for n in causes), **score)
+    beside = tuple(one for one in effects if one.key[0] in law_has)
+    without = ScoredHypothesis(N(candidates=beside), own_gaps={keys[n]: {} for n in own}, causes=(), **score)
+    law = N(candidates=(*beside, N(key=keys["law"])), proposed=N(beside=tuple(law_has)), without=without)
+    before = Selection(verdict, chosen, {}, {}, (), 0.0)
+    return before, find.without_imitators(before, law)
+
+
+def test_causes_stay_where_the_law_needs_all_effects_beside_it():
+    """A nominal parameter is a cause that is no candidate: it is not left out."""
+    before, after = selected(("orifice_leakage", "sensor_delay"))
+    assert after is before
+
+
+def test_causes_beside_a_law_are_those_of_the_hypothesis_without_the_imitators():
+    """The nominal parameter stays; one whose change the smaller hypothesis does not need goes."""
+    _, after = selected(("sensor_delay",))
+    assert after.verdict == "partly" and after.chosen.causes == (("sensor_delay", None), ("K_T", None))
+    assert [one.key[0] for one in after.chosen.fit.candidates] == ["sensor_delay"]
+    _, after = selected(("sensor_delay",), own=("sensor_delay",))
+    assert after.chosen.causes == (("sensor_delay", None),)
+
+
+def test_nothing_is_named_where_the_law_needs_no_effect():
+    _, after = selected((), own=("K_T",))
+    assert after.verdict == "outside_catalogue" and not after.named
+
+
+def test_causes_that_explained_the_gap_do_so_no_more_where_a_law_replaces_some():
+    before, after = selected(("sensor_delay",), verdict="effect")
+    assert before.explains and after.verdict == "partly" and after.named
+
+
+def test_a_selection_that_names_nothing_stays():
+    before, after = selected((), verdict="outside_catalogue")
+    assert after is before
+
+
+def test_a_law_is_sought_where_the_catalogue_leaves_much_of_the_deviance():
+    """Of 1000 above noise; whatever is left, where the catalogue does not explain the gap."""
+    reference = Reference(100.0, 1100.0, 0.05, 1.0)
+
+    def sought(verdict, deviance):
+        return find.law_is_sought(Selection(verdict, N(deviance=deviance), {}, {}, (), 0.0), reference)
+
+    assert sought("effect", 300.0) and sought("ambiguous", 300.0) and not sought("effect", 150.0)
+    assert sought("outside_catalogue", 150.0) and sought("partly", 150.0) and not sought("underdetermined", 300.0)
