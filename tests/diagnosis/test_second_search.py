@@ -3,9 +3,10 @@
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.diagnosis import second_search
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses
-from ehsa_ctrl.diagnosis.model_selection import Reference, select_model
+from ehsa_ctrl.diagnosis.model_selection import Reference, select_model, selection_of
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.refit import refit, refit_until_converged
@@ -18,35 +19,60 @@ LATE = 0.02
 BOTH = "payload_mass", "drive_delay"
 
 
+class Start:
+    """Where a search from selected causes begins: fits and scores of sets of causes."""
+
+    def __init__(self, segments, *sets):
+        self.segments = segments
+        self.objective, sensitivities = objective_of(segments.training, THRESHOLD)
+        candidates = tuple(candidate_effects(segments.training.model))
+        hypotheses = Hypotheses.initial(self.objective, candidates, sensitivities, Pool(1))
+
+        def fit(ids):
+            members = tuple(next(one for one in candidates if one.id == id) for id in ids)
+            return refit_until_converged(self.objective, members, {})
+
+        fits = [refit(self.objective, (), {}, {}, steps=0), *(fit(ids) for ids in sets)]
+        # The weights are those of the best model, as at the end of a first search.
+        best = hypotheses.with_fits([fit(BOTH)])
+        self.scoring = Scoring.of(best, segments.training, segments.held_out, THRESHOLD, lumped=False)
+        self.hypotheses = hypotheses.with_fits(fits)
+        self.scores = [self.scoring.score(fit) for fit in fits]
+        self.reference = Reference.of(self.scoring)
+
+    def search(self, selection):
+        """Selection afterwards, and the numbers of new scores and of simulations."""
+        runs = self.objective.count.total
+        after, _, found = search_from_selection(
+            selection, self.scores, self.hypotheses, self.scoring, self.reference, THRESHOLD, self.segments.training
+        )
+        return after, len(found) - len(self.scores), self.objective.count.total - runs
+
+
 @pytest.fixture(scope="module")
 def selected(carriage_segments):
     """What the search does from a set of causes, fitted: the selections before and after, and the simulations."""
     segments = carriage_segments(LATE)
 
     def search(*ids):
-        objective, sensitivities = objective_of(segments.training, THRESHOLD)
-        candidates = tuple(candidate_effects(segments.training.model))
-        hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
-
-        def fit(ids):
-            members = tuple(next(one for one in candidates if one.id == id) for id in ids)
-            return refit_until_converged(objective, members, {})
-
-        fits = [refit(objective, (), {}, {}, steps=0), fit(ids)]
-        # The weights are those of the best model, as at the end of a first search.
-        best = hypotheses.with_fits([fit(BOTH)])
-        scoring = Scoring.of(best, segments.training, segments.held_out, THRESHOLD, lumped=False)
-        hypotheses = hypotheses.with_fits(fits)
-        scores = [scoring.score(fit) for fit in fits]
-        reference = Reference.of(scoring)
-        before = select_model(scores, reference, THRESHOLD)
-        runs = objective.count.total
-        after, _, found = search_from_selection(
-            before, scores, hypotheses, scoring, reference, THRESHOLD, segments.training
-        )
-        return before, after, len(found) - len(scores), objective.count.total - runs
+        start = Start(segments, ids)
+        before = select_model(start.scores, start.reference, THRESHOLD)
+        return before, *start.search(before)
 
     return search
+
+
+def test_a_set_that_was_known_before_is_not_selected(carriage_segments, monkeypatch):
+    """Pruning refuses a smaller set that leaves a larger gap: selecting among all scores again would undo that."""
+    start = Start(carriage_segments(LATE), ("payload_mass",), BOTH)
+    ranked = select_model(start.scores, start.reference, THRESHOLD).ranked
+    known, chosen = (next(one for one in ranked if len(one.causes) == size) for size in (2, 1))
+    monkeypatch.setattr(second_search, "neighbours", lambda *_: [])
+
+    after, more, _ = start.search(selection_of(chosen, ranked, start.reference))
+
+    assert select_model(start.scores, start.reference, THRESHOLD).chosen is known
+    assert after.chosen is chosen and after.ranked == ranked and more == 0
 
 
 def test_a_missing_cause_is_found_from_the_selected_one(selected):
