@@ -104,18 +104,10 @@ class Record:
         """
         model = replace(self.model, log=self.model.log.rows(0, self.first))
         run_in = replace(self, model=model, parts=(slice(0, None),))
-        spread = {one: max(float(np.std(seen)), 1e-300) for one, seen in self.measured.items()}
 
         def error(angle: float) -> float:
             (run,) = replace(model, start={**start, name: angle}).run([values])
-            if run is None:
-                return np.inf
-            simulated = run_in.signals(run)
-            return sum(
-                float(np.var(seen - simulated[one])) / spread[one] ** 2
-                for one, seen in run_in.signals(model.log.channels).items()
-                if one in spread
-            )
+            return np.inf if run is None else run_in.change(model.log.channels, run)["total"]
 
         step = 2.0 * np.pi / ANGLES
         angles = start.get(name, 0.0) + step * np.arange(ANGLES)
