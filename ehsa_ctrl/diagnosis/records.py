@@ -18,8 +18,7 @@ from ..physics.effects import EFFECTS
 from .hypothesis_model import HypothesisModel, Setting
 from .signals import gap, moving_signals, scored_signals, signal_noise
 
-#: Angles in a turn that are tried for the first one of a run-in; waves have at most twelve periods a turn. Engineering
-#: judgement.
+#: Angles of a turn from which a run-in is tried; waves have at most twelve periods a turn. Engineering judgement.
 ANGLES = 64
 
 #: Channel -> sensor reading (N,) of each record.

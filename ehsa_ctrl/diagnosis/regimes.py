@@ -95,7 +95,7 @@ class Windows:
         self.size = values.size
 
     def _means(self, values: np.ndarray) -> np.ndarray:
-        # Sums over strides, of which each window has as many, are much faster than a product of overlapping windows.
+        # A window is a whole number of strides. Sums over strides are much faster than products of overlapping windows.
         parts = self._window // self._stride
         rows = values[: values.size // self._stride * self._stride].reshape(-1, self._stride)
         sums = rows @ self._weights.reshape(parts, self._stride).T

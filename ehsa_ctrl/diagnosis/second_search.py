@@ -44,7 +44,7 @@ def search_from_selection(
         scores += found
         again = select_model(scores, reference, threshold)
         if not any(one is again.chosen for one in found):
-            # A set that was known before was not selected, or pruning refused it: only its rivals are new.
+            # Pruning may have refused the known set that is selected here: the choice stays, with more alternatives.
             selection = selection_of(chosen, again.ranked, reference)
             break
         selection = again

@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.identification.innovations import (
-    innovations_filter,
-    smooth_input_errors,
-    whiten,
-)
+from ehsa_ctrl.identification.innovations import innovations_filter, smooth_input_errors, whiten
 
 N, STATES, COLUMN = 40, 3, np.array([0, 2])
 SCALE, SD, INPUT_SD = np.array([1.5, 1.0]), np.array([0.3, 0.2]), 0.7

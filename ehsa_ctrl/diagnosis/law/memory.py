@@ -92,7 +92,8 @@ def _linear(slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
         block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
         whole = expm(block)
         keep, add = np.repeat(whole[None, :n, :n], len(rest), axis=0), rest @ whole[:n, n:].T
-    course = linear_recursion(keep[:-1].copy(), add[:-1, :, None].copy(), np.zeros((n, 0)))[:, :, 0]
+    course = linear_recursion(keep[:-1], add[:-1, :, None], np.zeros((n, 0)))[:, :, 0]
+    # A log without samples has no first state either.
     return np.asarray(course[: len(rest)])
 
 
