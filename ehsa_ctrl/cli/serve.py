@@ -51,7 +51,7 @@ def command(
         float | None,
         typer.Option(metavar="S", help="Real time: wall-clock seconds a sample; left out, lock-step without a clock."),
     ] = None,
-    patience: Annotated[float, typer.Option(metavar="S", help="Time to wait for the other side.")] = 10.0,
+    patience: Annotated[float, typer.Option(metavar="S", help="Time to wait for the other side.")] = 60.0,
     duration: Annotated[float, typer.Option(metavar="S", help="Length of a plant's run without a scenario.")] = 10.0,
     seed: Annotated[
         int | None, typer.Option(help="Seed of the plant's sensor noise, for the scenario's.", min=0)
@@ -123,6 +123,7 @@ def _plant_side(
     )
     try:
         case = prepare(chosen, controller=remote, plant=plant, settings=pairs)
+        note(f"asks {address} port {port} for currents; waits at most {patience:g} s for the first")
         with compiling():
             loop = case.simulate(case.nonlinear, seed)
     finally:

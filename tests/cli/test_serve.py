@@ -15,57 +15,71 @@ import pytest
 import ehsa_ctrl
 
 CALL = [sys.executable, "-c", "from ehsa_ctrl.cli.main import main; main()", "serve"]
+#: A busy machine needs long until a process has loaded what it runs.
+PATIENCE = ("--patience", "300")
 
 
-def started(folder, *arguments):
-    """The controller's side as a process of its own, once it waits; with its port."""
-    side = subprocess.Popen(
-        [*CALL, "--port", "0", *arguments], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
+@pytest.fixture
+def start(tmp_path):
+    """Starts a side as a process that heeds Ctrl-C; none outlives the test."""
+    sides = []
+
+    def begin(*arguments):
+        side = subprocess.Popen(
+            [*CALL, *arguments, *PATIENCE], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )  # fmt: skip
+        sides.append(side)
+        return side
+
+    yield begin
+    for side in sides:
+        side.kill()
+        side.communicate()
+
+
+def waits_at(side):
+    """Port at which the controller's side listens, once it waits."""
     heard = side.stderr.readline()
     while "waits for readings" not in heard:  # a line before it says what is compiled
         assert heard, side.communicate()
         heard = side.stderr.readline()
-    return side, re.search(r"port (\d+)", heard)[1]
+    return re.search(r"port (\d+)", heard)[1]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals as Ctrl-C sends them")
-def test_two_processes_are_the_direct_run_to_the_bit(tmp_path):
+def test_two_processes_are_the_direct_run_to_the_bit(start, tmp_path):
     """Lock-step: every signal of the loop; both sides exit with 0 and write what they saw."""
-    side, port = started(tmp_path, "--controller", "lqi_position", "--out", "there", "--scenario", "hold_under_load")
-    plant = [*CALL, "--plant", "ehsa", "--scenario", "hold_under_load", "--port", port, "--out", "here", "--json"]
-    done = subprocess.run(plant, cwd=tmp_path, capture_output=True, text=True, timeout=100)
-    _, said = side.communicate(timeout=20)
+    scenario = ("--scenario", "hold_under_load")
+    side = start("--controller", "lqi_position", "--port", "0", "--out", "there", *scenario)
+    plant = start("--plant", "ehsa", "--port", waits_at(side), "--out", "here", "--json", *scenario)
+    out, err = plant.communicate(timeout=300)
+    _, theirs = side.communicate(timeout=60)
     direct = ehsa_ctrl.run("hold_under_load", controller="lqi_position").nonlinear.to_pandas()
+    assert (plant.returncode, side.returncode) == (0, 0), err + theirs
     table = pandas.read_csv(tmp_path / "here" / "loop.csv")
     rows = pandas.read_csv(tmp_path / "there" / "samples.csv")
 
-    assert (done.returncode, side.returncode) == (0, 0), done.stderr + said
     for name in table.columns:
         np.testing.assert_array_equal(table[name], direct[name])
     np.testing.assert_array_equal(rows["current"], direct["asked"])
-    result = json.loads(done.stdout)
+    result = json.loads(out)
     assert result["samples"] == len(direct) and result["packets"]["lost"] == 0 and result["tripped"] == ""
     assert sum(result["latencies"][0]["counts"]) == len(direct)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals as Ctrl-C sends them")
-def test_ctrl_c_ends_both_sides_with_a_summary(tmp_path):
+def test_ctrl_c_ends_both_sides_with_a_summary(start, tmp_path):
     """The plant's side writes the samples so far; the controller's side hears that it left."""
-    side, port = started(tmp_path, "--controller", "pid_position", "--period", "0.02")
-    plant = subprocess.Popen(
-        [*CALL, "--plant", "ehsa", "--port", port, "--period", "0.02", "--out", "here"], cwd=tmp_path,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
+    side = start("--controller", "pid_position", "--period", "0.02", "--port", "0")
+    plant = start("--plant", "ehsa", "--port", waits_at(side), "--period", "0.02", "--out", "here")
     assert "answers 127.0.0.1 port" in side.stderr.readline()
-    time.sleep(0.5)
+    time.sleep(1.0)
     plant.send_signal(signal.SIGINT)
-    out, err = plant.communicate(timeout=30)
-    theirs, _ = side.communicate(timeout=30)
+    out, err = plant.communicate(timeout=60)
+    theirs, _ = side.communicate(timeout=60)
     table = pandas.read_csv(tmp_path / "here" / "loop.csv")
 
     assert plant.returncode == 130 and "Traceback" not in err

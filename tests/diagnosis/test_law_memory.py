@@ -53,6 +53,8 @@ def test_a_displacement_that_ripples_comes_back_and_keeps_the_power(plant):
     assert best.terms[0].shapes["order"] == pytest.approx(2.0, abs=0.01)
     # Without any other variable, it is drawn over the angle.
     assert grammar.variables == () and grammar.shown(best.terms[0]).text == "angle"
+    # Its flow changes the sign with the speed: the mean over both directions hides the wave.
+    assert (grammar.direction_of(best.terms) == grammar.known["omega"]).all()
     assert best.values.shape == (log.time.size - 1,)
     # Power into the oil and from the shaft: (P_1 - P_2) times the flow is omega times the torque.
     a = {"c_1": size, "turns": 0.3, "omega": 120.0, "P_1": 4e5, "P_2": 1e5}

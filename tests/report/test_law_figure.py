@@ -13,10 +13,14 @@ from ehsa_ctrl.report.figures.law import _bins, _means, law_figure
 from .diagnoses import CUBIC
 
 
+def law_axes(figure):
+    return next(ax for ax in figure.axes if ax.get_title("left") == "unknown input and law")
+
+
 def curves(**fields):
     """Label -> y of the curves in the left axes, of a law with these fields."""
     figure = law_figure(SimpleNamespace(law=replace(CUBIC, **fields)))
-    found = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines()}
+    found = {line.get_label(): line.get_ydata() for line in law_axes(figure).get_lines()}
     plt.close(figure)
     return {label: y for label, y in found.items() if not label.startswith("_")}
 
@@ -58,10 +62,10 @@ def test_a_displacement_is_drawn_as_the_flow_that_it_makes():
     labels = []
     for place in ("pump_flow", "displacement"):
         figure = law_figure(SimpleNamespace(law=replace(CUBIC, place=place)))
-        labels.append(figure.axes[0].get_ylabel().rpartition("(")[2])
+        labels.append(law_axes(figure).get_ylabel().rpartition("(")[2])
         plt.close(figure)
 
-    assert labels[0] == labels[1]
+    assert labels[0] == labels[1] != ""
 
 
 def test_a_diagnosis_without_a_law():

@@ -70,7 +70,7 @@ def serving(controller, watchdog=None, **options):
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
     yield side.endpoint.port, found
-    thread.join(20.0)
+    thread.join(60.0)
     assert not thread.is_alive()
 
 
@@ -103,12 +103,15 @@ class Relay:
         self.back.close()
 
     def work(self):
-        while not self.stopping:
+        idle = False
+        while not (self.stopping and idle):  # the plant's END is still forwarded
+            idle = True
             for source in (self.front, self.back):
                 try:
                     data, sender = source.recvfrom(500)
                 except TimeoutError:
                     continue
+                idle = False
                 if source is self.front:
                     self.peer = sender
                     self.forward(self.back, data, (HERE, self.port))
@@ -211,7 +214,7 @@ def test_a_plant_that_hears_nothing_more_goes_to_its_safe_current(plant, pid):
     assert summary.missed >= SAMPLES - 40 and summary.packets.lost == summary.missed - summary.packets.late
 
 
-def exchange(port, *packets, wait=0.5):
+def exchange(port, *packets, wait=1.0):
     """Send datagrams to the controller's side, one after the other; gives the answers that come."""
     rig = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     rig.settimeout(wait)
@@ -230,9 +233,9 @@ def test_the_controllers_side_counts_what_a_rig_sends(pid):
     """A repeated packet gets the same answer, a gap runs the controller with lost readings, an old one is ignored."""
     numbers = (0.0, 2e6, 2e6, 0.001, 0.0, 0.02, 0.0, 0.0, 0.0)
     packets = [packed(READINGS, 7, k, *numbers) for k in range(6)]
-    with serving(pid, patience=3.0) as (port, found):
+    with serving(pid, patience=20.0) as (port, found):
         answers = exchange(
-            port, packets[0], packets[1], packets[1], packets[4], packets[2], packets[5], packed(END, 7, 6), wait=0.2
+            port, packets[0], packets[1], packets[1], packets[4], packets[2], packets[5], packed(END, 7, 6)
         )
     memory, lost = pid.initial_memory(), np.full(5, np.nan)
     wanted = np.array([0.02, 0.0, 0.0, 0.0])
@@ -248,9 +251,9 @@ def test_too_long_a_gap_ends_in_the_safe_current(pid):
     """More samples are missing than the time-out allows: the answer is the safe current and says so, for good."""
     numbers = (0.0, 2e6, 2e6, 0.001, 0.0, 0.02, 0.0, 0.0, 0.0)
     watchdog = Watchdog.model_validate({"timeout": 0.04, "safe_current": 0.5}, context={"si": True})
-    with serving(pid, watchdog, patience=3.0) as (port, found):
+    with serving(pid, watchdog, patience=20.0) as (port, found):
         sent = [packed(READINGS, 7, k, *numbers) for k in (0, 2**32 - 2, 2**32 - 1)]
-        answers = exchange(port, *sent, packed(END, 7, 0), wait=0.2)
+        answers = exchange(port, *sent, packed(END, 7, 0))
 
     assert not answers[0].safe and answers[1].safe and answers[2].safe
     assert answers[1].numbers == answers[2].numbers == (0.5,)
@@ -259,17 +262,17 @@ def test_too_long_a_gap_ends_in_the_safe_current(pid):
 
 def test_silence_in_real_time_is_answered_by_the_safe_current_unasked(pid):
     """The rig stops sending: after the time-out it gets the safe current once, flagged."""
-    with serving(pid, period=0.004, patience=0.5) as (port, found):
-        first, unasked = exchange(port, packed(READINGS, 7, 0, *np.zeros(9)), b"", wait=0.3)
+    with serving(pid, period=0.004, patience=1.5) as (port, found):
+        first, unasked = exchange(port, packed(READINGS, 7, 0, *np.zeros(9)), b"")
 
     assert not first.safe and unasked.flags == SAFE and unasked.numbers == (0.0,)
-    assert found[0].tripped.startswith("no readings for 40 ms") and found[0].ended == "no packet for 0.5 s"
+    assert found[0].tripped.startswith("no readings for 40 ms") and found[0].ended == "no packet for 1.5 s"
 
 
 def test_readings_without_a_reference_need_one_on_this_side(pid):
     """nan in the packet means that the rig has none."""
     with serving(pid) as (port, found):
-        exchange(port, packed(READINGS, 7, 0, *np.zeros(5), *np.full(4, np.nan)), wait=0.2)
+        exchange(port, packed(READINGS, 7, 0, *np.zeros(5), *np.full(4, np.nan)))
 
     assert str(found[0]) == (
         "sample 0: the readings come without a reference (nan); give one on this side with --scenario"

@@ -180,14 +180,21 @@ class Grammar:
     def values(self, term: Term) -> np.ndarray:
         """(N - 1,) of a term along the logs, in the balance of its unknown input."""
         states = {} if term.memory is None else self.course(term.memory, term.shapes)
-        addend = ADDENDS[self.name]
         factor: np.ndarray | float = 1.0
-        if addend.factors:
+        if (at := self._factor).size:
             # Its mean over each sample, as that of a state: of the flow of a wave over the angle little else remains.
-            at = np.asarray(Expression.parse(addend.factors[addend.signal]).values(self.known))
             factor = 0.5 * (at + np.append(at[1:], at[-1:]))
         expression = Expression.parse(term.text)
         return np.asarray(factor * expression.values({**self.known, **term.shapes, **states}), dtype=float)
+
+    @property
+    def _factor(self) -> np.ndarray:
+        """(N - 1,) of what enters the balance multiplied by a signal, this signal: the flow of a displacement, by the
+        speed of the pump; else empty."""
+        addend = ADDENDS[self.name]
+        if not addend.factors:
+            return np.zeros(0)
+        return np.asarray(Expression.parse(addend.factors[addend.signal]).values(self.known))
 
     def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
         """State -> (N - 1,) mean over each sample along the logs."""
@@ -215,8 +222,10 @@ class Grammar:
         return self.direction in Expression.parse(term.text).names or bool(speed & term.variables)
 
     def direction_of(self, terms: Sequence[Term]) -> np.ndarray:
-        """(N - 1,) direction of the contact, where a sum of terms has it beside another variable than the speed along
-        which it is drawn; else empty."""
+        """(N - 1,) with the sign that a sum of terms has beside the variable along which it is drawn: the direction of
+        the contact, where that variable is not its speed, or the factor of the place; else empty."""
+        if self._factor.size:
+            return self._factor
         dry = self.direction and any(self.direction in Expression.parse(term.text).names for term in terms)
         return self.known[self.direction] if dry and not self.shown(terms[0]).speed else np.zeros(0)
 

@@ -37,8 +37,9 @@ class ProposedLaw:
 
     place: what its expression adds to, see ADDENDS. variables: on which it depends. forms: those that the log can't
     tell apart, the most probable first. range: variable -> lowest and highest value in the logs. variable,
-    unit: (N - 1,) the first of `variables` along the logs; direction: (N - 1,) that of the contact, for dry friction
-    that depends on anything but its speed, else empty; measured, fitted: (N - 1,) unknown input and the best form.
+    unit: (N - 1,) the first of `variables` along the logs; direction: (N - 1,) with the sign of the motion, where the
+    law follows it but is drawn along another variable than its speed, else empty; measured, fitted: (N - 1,) unknown
+    input and the best form.
     explained: share of the unknown input that it explains by cross-validation, which may be none where a standstill
     shows the friction; placebo: the same of a term for the input reversed in time. beside: effects that act beside it.
     """

@@ -13,7 +13,7 @@ from ...physics.effects import ADDENDS
 from ..signals import unit_of_balance
 from ..style import BLACK, BLUE, GREEN, VERMILION
 from ..text import unit
-from ._layout import sheet
+from ._layout import LEGEND_LINE, header_legend, sheet
 
 #: Bins along the variable, each with the same number of samples. Engineering judgement.
 BINS = 30
@@ -22,8 +22,8 @@ BINS = 30
 def law_figure(diagnosis: Diagnosis) -> Figure:
     """The unknown input along the first variable of the law: mean per bin with the standard deviation of the mean.
 
-    Left: with the most probable form, from the regression. Right: what the law leaves. Dry friction changes its sign
-    with the direction of motion, so that both directions are drawn apart.
+    Left: with the most probable form, from the regression. Right: what the law leaves. Dry friction and the
+    flow of a displacement change their sign with the direction of motion, so that both directions are drawn apart.
 
     Raises InputError for a diagnosis without a law.
     """
@@ -33,8 +33,10 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
     known = np.isfinite(law.measured)
     usual, scale = unit_of_balance(ADDENDS[law.place].balance_unit)
     words = law.variables[0] if law.variables else "variable"
-    with sheet(f"Law: {law.forms[0].file.expression}", [["law", "left"]], [2.6]) as (figure, axes):
-        for name, rows, color, line in _parts(law.direction, known):
+    parts = _parts(law.direction, known)
+    title = f"Law: {law.forms[0].file.expression}"
+    with sheet(title, [["law", "left"]], [2.6], header=len(parts) * LEGEND_LINE + 0.1) as (figure, axes):
+        for name, rows, color, line in parts:
             z, measured, fitted = law.variable[rows], law.measured[rows] / scale, law.fitted[rows] / scale
             which = _bins(z)
             _band(axes["law"], z, measured, which, color, f"unknown input{name}")
@@ -43,7 +45,9 @@ def law_figure(diagnosis: Diagnosis) -> Figure:
             _band(axes["left"], z, measured - fitted, which, color, "")
         axes["law"].set_title("unknown input and law", loc="left", fontsize=8.5)
         axes["law"].set_ylabel(f"{ADDENDS[law.place].meaning.partition(',')[0]}\n({unit(usual)})")
-        axes["law"].legend(fontsize=7.5, loc="best")
+        # One row for each direction.
+        handles, _ = axes["law"].get_legend_handles_labels()
+        header_legend(axes["header"], [*handles[::2], *handles[1::2]], ncols=2, fontsize=8.5)
         axes["left"].set_title("what the law leaves", loc="left", fontsize=8.5)
         axes["left"].sharey(axes["law"])
         for ax in (axes["law"], axes["left"]):

@@ -34,8 +34,9 @@ def law_section(content: Mapping[str, Any]) -> Section:
         )
     caption = (
         "Left: unknown input in bins of the variable, mean with its standard deviation (each passage through a bin "
-        "counts once), and the law. Right: what the law leaves. The sign of dry friction follows the motion; where it "
-        "depends on another variable than the speed, both directions are drawn apart."
+        "counts once), and the law. Right: what the law leaves. The sign of dry friction, and of the flow of a "
+        "displacement, follows the motion; where it depends on another variable than the speed, both directions are "
+        "drawn apart."
     )
     return Section(
         "Law",

@@ -43,7 +43,7 @@ class ControllerSide:
     watchdog: Watchdog
     reference: np.ndarray | None = None
     period: float | None = None
-    patience: float = 10.0
+    patience: float = 60.0
     rows: list[list[float]] = field(default_factory=list)
     _memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _next: int = 0

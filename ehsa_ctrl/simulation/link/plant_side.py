@@ -45,7 +45,7 @@ class RemoteController:
     sample_time: float
     watchdog: Watchdog
     period: float | None = None
-    patience: float = 10.0
+    patience: float = 60.0
     name: str = "the other side of the link"
     compiled: Callable[..., float] | None = None
     traces: Mapping[str, int] = field(default_factory=dict)
