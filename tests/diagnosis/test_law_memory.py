@@ -11,9 +11,10 @@ import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
-from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term
+from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
-from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, slip, turn
+from ehsa_ctrl.diagnosis.law.memory import FORGETS, clock, lag, late_direction, over_time, resonance, slip, turn
+from ehsa_ctrl.diagnosis.law.memory_terms import _friction
 from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.regimes import Windows
@@ -99,12 +100,70 @@ def test_the_course_of_a_memory_has_its_closed_form():
     assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
 
 
+def test_friction_that_forgets_begins_at_zero_with_each_reversal():
+    """Reversal after 0.1 s of tau = 0.3 s: the rest goes 50 times as fast, and the other direction begins at zero."""
+    t = 0.0005 * np.arange(1000)
+    known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, 0.0))}
+    late = late_direction("d", forgets=True).course(known, {"tau": 0.3}, 0.0005, [0])["memory"]
+    before = 1.0 - np.exp(-0.1 / 0.3)
+    rate = (1.0 + FORGETS) / 0.3
+    over = np.log1p((1.0 + FORGETS) * before) / rate
+    left = np.where(t < 0.1 + over, (before * (1.0 + FORGETS) + 1.0) * np.exp(-rate * (t - 0.1)) - 1.0, 0.0)
+    fresh = np.exp(-(np.minimum(t, 0.4) - 0.1 - over) / 0.3) - 1.0
+
+    assert late == pytest.approx(
+        np.where(t <= 0.1, 1.0 - np.exp(-t / 0.3), np.where(t < 0.1 + over, left / (1.0 + FORGETS), fresh)), abs=1e-9
+    )
+
+
+def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
+    """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
+    standstill between them is no motion."""
+    (term,) = {
+        t.text: t for t in _friction(plant.structure.system.all_contacts[1], {"d_R": TIME}) if "max" in t.text
+    }.values()
+    file = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "late", "adds_to": "force",
+            "expression": f"c_1 * {term.text}",
+            "parameters": {"c_1": {"value": -230.0, "unit": "N", "neutral": 0.0}, "tau": {"value": 0.3, "unit": "s"}},
+            "states": {"memory": {"rate": term.memory.rates["memory"], "unit": "1", "scale": 1.0}},
+        }
+    )  # fmt: skip
+    EFFECTS.keep("late_friction", effect_of("late_friction", file, "a test"))
+    time = TIME[:3000]
+    current = 2.5 * np.where(time % 1.0 < 0.25, np.where(time // 1.0 % 3 == 1, -1.0, 1.0), 0.0)
+    log = e.record(plant.with_effects("late_friction", c_1=-230.0), time, current)[0]
+    one = InjectionCase.of(plant, log, estimate_noise(log))
+    grammar, windows = Grammar.of(plant, one.signals, "force"), Windows(one.unknown.values["force"], 0.004)
+
+    def left_and_factor(given):
+        known = Term(term.text, frozenset(), {"tau": 0.3}, {"tau": "s"}, term.memory)
+        column = windows.of(given.values(known)[:, None])
+        (factor,), *_ = np.linalg.lstsq(column, windows.values, rcond=None)
+        return np.std(windows.values - factor * column[:, 0]) / np.std(windows.values), factor
+
+    left, factor = left_and_factor(grammar)
+    assert left < 0.12 and factor == pytest.approx(-230.0, rel=0.05)
+    assert left_and_factor(replace(grammar, slides=1.0))[0] > 3.0 * left
+
+
+def test_a_stop_is_no_reversal():
+    """What the fit of the direction makes of it, a few percent with the other sign, against a slow motion."""
+    stop, slow = np.zeros(60), np.zeros(60)
+    stop[:20], stop[20:23], slow[20:] = 0.05, -0.002, -0.002
+
+    assert _beyond_ringing(stop).tolist() == [True] * 20 + [False] * 40
+    assert _beyond_ringing(slow)[20:].all()
+
+
 def test_the_mean_of_a_memory_over_a_sample():
-    """A fast lag and a resonance, driven by steps: the mean of a run with 200 times shorter samples."""
+    """Fast lags and a resonance, driven by steps: the mean of a run with 200 times shorter samples."""
     steps = np.repeat(np.random.default_rng(0).standard_normal(20), 4)
     for memory, shapes in (
         (lag("u", "1", 1.0), {"tau": 0.003}),
         (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
+        (late_direction("sign(u)", forgets=True), {"tau": 0.03}),
     ):
         mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
         fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]

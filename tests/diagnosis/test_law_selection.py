@@ -3,7 +3,7 @@
 from types import SimpleNamespace as N
 
 from ehsa_ctrl.diagnosis.law import find
-from ehsa_ctrl.diagnosis.law.find import laws_of_best
+from ehsa_ctrl.diagnosis.law.find import laws_of_best, likely_forms
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 
@@ -51,6 +51,22 @@ def test_a_law_replaces_effects_by_its_deviance_where_its_gaps_are_no_larger():
     assert found(507.0, (0.0125, 0.0148))
     assert not found(607.0, (0.0125, 0.0148)) and found(607.0, (0.0125, 0.010))
     assert not found(507.0, (0.0125, 0.0165)) and not found(507.0, (0.0145, 0.0148))
+
+
+def test_the_balance_decides_between_forms_that_a_free_run_hardly_tells_apart():
+    """A form that explains the unknown input far better is not taken where its free run is worse by far."""
+    reference = Reference(0.0, 2000.0, 0.1, 1.0)
+
+    def form(name, deviance, evidence):
+        return N(law=N(scored=N(deviance=deviance), file=N(form=name)), evidence=evidence)
+
+    lag, hysteresis = form("lag", 360.0, -400.0), form("hysteresis", 650.0, 0.0)
+    near = form("near", 365.0, -380.0)
+
+    assert likely_forms([hysteresis, lag], reference) == [(lag, 1.0)]
+    assert [one.law.file.form for one, _ in likely_forms([lag, near, hysteresis], reference)] == ["near"]
+    # The better one of two refits that end at the same form.
+    assert likely_forms([form("lag", 500.0, 0.0), lag], reference) == [(lag, 1.0)]
 
 
 def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkeypatch):

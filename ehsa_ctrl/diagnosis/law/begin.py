@@ -50,7 +50,7 @@ class Begin:
         if not file.states:
             return cls()
         values = {name: one.value for name, one in file.parameters.items()}
-        found = courses(file, values, grammar.known, grammar.sample_time, grammar.begins)
+        found = courses(file, values, grammar.in_motion, grammar.sample_time, grammar.begins)
         # Where a law is in two balances the logs come twice; the states are those of the first time.
         edges = (*grammar.begins, None)[: len(grammar.starts) + 1]
         parts = [slice(a, b) for a, b in pairwise(edges)]

@@ -279,22 +279,9 @@ def _select(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Referenc
     alike = laws_of_best(tried, last, reference)
     if not alike:
         return None
-    best = min(alike, key=lambda one: one.law.scored.deviance)
-    # Refits from different locations on the grid may end at the same law: the better one counts.
-    by_form: dict[str, _Tried] = {}
-    for one in alike:
-        by_form.setdefault(one.law.file.form, one)
-    same = list(by_form.values())
-    # Forms that a free run hardly tells apart may differ in the balance: there the acceleration is measured.
-    balance = np.array([one.evidence for one in same])
-    weights = relative_weights([one.law.scored for one in same], best.law.scored, reference)
-    weights = weights * np.exp(np.clip(balance - balance.max(), -500.0, 0.0))
-    weights /= weights.sum()
-    order = np.argsort(-weights, kind="stable")
-    same, weights = [same[int(i)] for i in order], weights[order]
-    best = same[0]
+    likely = likely_forms(alike, reference)
+    best = likely[0][0]
     nominal = reference.nominal_gaps[1]
-    likely = [(one, float(w)) for one, w in zip(same, weights, strict=True) if w >= LIKELY]
     forms = [
         LawForm(one.law.file, w, 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12)) for one, w in likely
     ]
@@ -317,6 +304,26 @@ def _select(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Referenc
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
     return FoundLaw.of(proposed, [one.law for one, _ in likely], best.without)
+
+
+def likely_forms(alike: Sequence[_Tried], reference: Reference) -> list[tuple[_Tried, float]]:
+    """The forms that the data can't tell apart, with their probabilities, the most probable first.
+
+    Forms that a free run hardly tells apart may differ in the balance: there the acceleration is measured.
+    """
+    # Refits from different locations on the grid may end at the same law: the better one counts.
+    by_form: dict[str, _Tried] = {}
+    for one in sorted(alike, key=lambda one: one.law.scored.deviance):
+        by_form.setdefault(one.law.file.form, one)
+    forms = list(by_form.values())
+    scored = [one.law.scored for one in forms]
+    pairs = zip(forms, relative_weights(scored, scored[0], reference), strict=True)
+    alike_in_free_run = [(one, float(w)) for one, w in pairs if w >= LIKELY]
+    balance = np.array([one.evidence for one, _ in alike_in_free_run])
+    weights = np.array([w for _, w in alike_in_free_run]) * np.exp(np.clip(balance - balance.max(), -500.0, 0.0))
+    weights /= weights.sum()
+    order = np.argsort(-weights, kind="stable")
+    return [(alike_in_free_run[int(i)][0], float(weights[i])) for i in order if weights[i] >= LIKELY]
 
 
 def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Reference) -> list[_Tried]:

@@ -11,13 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from ...core.expression import Expression, dimension_of, put, words
 from ...physics.effects import ADDENDS
 from ...plant.arrays import array_evaluator
 from ...plant.plant import Plant
 from ..regressors import balance_contact, contact_efforts, torque_drive
-from ..unknown_inputs import BalanceSignals
+from ..unknown_inputs import DIRECTION, BalanceSignals
 from .memory import ACCELERATION, STATE, Memory, MemoryTerm
 from .memory_terms import memory_terms
 
@@ -29,6 +30,9 @@ PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: Levels in the range of a current that are tried, for a drive that sets it in steps; so near to each other that the
 #: steps still fit at both ends of the range. Engineering judgement.
 LEVELS = tuple(np.arange(3.0, 36.0, 0.25).tolist())
+
+#: Share of the largest speed nearby that may be ringing of the fit of the direction. Engineering judgement.
+RINGING = 0.1
 
 #: Terms of one variable z. The first of several that act alike is the one that is named.
 SMOOTH = ("z", "z**2", "z**3", "abs(z)", "z * abs(z)", "sqrt(abs(z))", "sign(z) * sqrt(abs(z))")
@@ -97,10 +101,10 @@ class Grammar:
     name: unknown input, a key of ADDENDS. variables: the displacement has none, because its constant is a nominal
     parameter, and the catalogue has it with the pressure; its laws have a memory, the shaft angle. known: name in the
     equations -> (N - 1,) along the logs. units: of those. direction, speed, friction: of the contact, with the friction
-    that the plant has; resists: 1 if a positive law acts against positive motion, else -1. Empty, None or zero where
-    the balance has no contact. memories: terms with a memory. sample_time [s], begins: samples at which the logs begin,
-    starts: times there [s]. Where a law is in two balances, the logs come twice, see `in_turn`, with the names of
-    `Addend.own`.
+    that the plant has; slides: (N - 1,) 1 where it does so with certainty, else 0; resists: 1 if a positive law acts
+    against positive motion, else -1. Without a contact they have their defaults. memories: terms with a memory.
+    sample_time [s], begins: samples at which the logs begin, starts: times there [s]. Where a law is in two balances,
+    the logs come twice, see `in_turn`, with the names of `Addend.own`.
     """
 
     name: str
@@ -110,6 +114,7 @@ class Grammar:
     direction: str = ""
     speed: np.ndarray | None = field(default=None, repr=False)
     friction: np.ndarray | float = field(default=0.0, repr=False)
+    slides: np.ndarray | float = field(default=1.0, repr=False)
     resists: float = 1.0
     memories: tuple[MemoryTerm, ...] = field(default=(), repr=False)
     sample_time: float = 1.0
@@ -170,7 +175,10 @@ class Grammar:
         friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
         resists = 1.0 if ADDENDS[name].sign == "-" else -1.0
         speed = known[contact.velocity]
-        return replace(plain, direction=contact.direction, speed=speed, friction=friction, resists=resists)
+        return replace(
+            plain, direction=contact.direction, speed=speed, friction=friction, resists=resists,
+            slides=1.0 * (signals.slides[contact.name][:-1] & _beyond_ringing(speed)),
+        )  # fmt: skip
 
     @property
     def samples(self) -> int:
@@ -198,7 +206,14 @@ class Grammar:
 
     def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
         """State -> (N - 1,) mean over each sample along the logs."""
-        return memory.course(self.known, shapes, self.sample_time, self.begins, mean=True)
+        return memory.course(self.in_motion, shapes, self.sample_time, self.begins, mean=True)
+
+    @property
+    def in_motion(self) -> Mapping[str, np.ndarray]:
+        """`known` for the rates of states: at rest the direction is zero, as in a simulation, in place of noise."""
+        return (
+            {**self.known, self.direction: self.known[self.direction] * self.slides} if self.direction else self.known
+        )
 
     def shown(self, term: Term) -> LawVariable:
         """The variable along which a term is drawn: a variable of the balance, else its memory."""
@@ -288,6 +303,12 @@ class Grammar:
             return whole
         plain = set(powers) <= ({"s"} if whole == "N m" else {"m", "s"}) and "/" not in whole
         return f"{whole} {words(powers)}" if plain else _joined(whole, powers)
+
+
+def _beyond_ringing(speed: np.ndarray) -> np.ndarray:
+    """(N - 1,) whether a speed is more than what the fit of the direction makes of a stop: some percent of the speed
+    before it, with the other sign."""
+    return np.asarray(np.abs(speed) > RINGING * maximum_filter1d(np.abs(speed), DIRECTION))
 
 
 def _joined(whole: str, powers: Mapping[str, float]) -> str:

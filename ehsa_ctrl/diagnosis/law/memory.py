@@ -1,7 +1,8 @@
 """What a law may remember: the running time, an angle, a lag, a hysteresis, a resonance.
 
-A memory is one or two states of an effect. Their rates are linear in the states, so that their course along a log is
-exact for signals that are held over each sample. What only adds up, as an angle, takes them as lines between samples.
+A memory is one or two states of an effect. The rates of two are linear in them; that of one may have another slope
+where the state is negative. Their course along a log is exact for signals that are held over each sample. What only
+adds up, as an angle, takes them as lines between samples.
 
 Sources: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-0158(3107-18)-1, 1968 (hysteresis over the
 travelled distance).
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import expm
 
+from ...core.compiled import cached_njit
 from ...core.expression import Expression
 from ...core.linear_recursion import linear_recursion
 
@@ -23,6 +25,9 @@ from ...core.linear_recursion import linear_recursion
 LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
 #: Time constants of an acceleration [s], and what it is called in results.
 QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
+#: How much faster than its time constant a late direction forgets the other one: in 8 % of it, and not too stiff for a
+#: simulation. Engineering judgement.
+FORGETS = 50.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
 #: Natural frequencies [rad/s] and damping ratio of a resonance.
@@ -66,45 +71,71 @@ class Memory:
             values = [rate.values({**known, **shapes, **states}) * np.ones(size) for rate in rates]
             return np.column_stack(values)
 
+        def slopes(sign: float) -> np.ndarray:
+            """(N, n, n) of the rates by the states on this side of zero."""
+            ends = [at({**dict.fromkeys(names, 0.0), name: sign}) for name in names]
+            return sign * np.stack([end - rest for end in ends], axis=2)
+
         rest = at(dict.fromkeys(names, 0.0))
-        slopes = np.stack([at({**dict.fromkeys(names, 0.0), name: 1.0}) - rest for name in names], axis=2)
+        above = slopes(1.0)
+        below = slopes(-1.0) if len(names) == 1 else above
         out = np.zeros((size, len(names)))
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
             part = slice(first, end)
-            if not slopes.any():
+            if not above.any():
                 # Held over a sample of 4 ms, 300 rad/s would put the angle 0.6 rad off.
                 rest[part] = 0.5 * (rest[part] + np.vstack([rest[part][1:], rest[part][-1:]]))
-            course = _linear(slopes[part], rest[part], sample_time)
-            out[part] = _means(course, slopes[part], rest[part], sample_time) if mean else course
+            if len(names) == 1:
+                course, means = _of_one(below[part, 0, 0], above[part, 0, 0], rest[part, 0], sample_time)
+                out[part, 0] = means if mean else course
+            else:
+                out[part] = _of_several(above[part], rest[part], sample_time, mean=mean)
         return dict(zip(names, out.T, strict=True))
 
 
-def _linear(slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
-    """Course (N, n) from zero of dy/dt = slopes y + rest, with slopes (N, n, n) and rest (N, n) held over a sample."""
+@cached_njit(nogil=True)
+def _of_one(below: np.ndarray, above: np.ndarray, rest: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Course (N,) from zero of dy/dt = rest + slope y, held over a sample, and its mean over each sample.
+
+    below, above: (N,) slope where y is negative and where it is not.
+    """
+    course, means = np.zeros(rest.size), np.zeros(rest.size)
+    y = 0.0
+    for k in range(rest.size):
+        course[k], left, total = y, dt, 0.0
+        # A rate that is linear on either side of zero crosses it once at most.
+        for _ in range(2):
+            slope = below[k] if y < 0.0 or (y == 0.0 and rest[k] < 0.0) else above[k]
+            flat = abs(slope) * left < 1e-9
+            end = y + rest[k] * left if flat else y * np.exp(slope * left) + rest[k] * np.expm1(slope * left) / slope
+            time = left
+            if y * end < 0.0:
+                time = -y / rest[k] if flat else -np.log1p(slope * y / rest[k]) / slope
+                time, end = min(time, left), 0.0
+            total += (end - y - rest[k] * time) / slope if abs(slope) * time > 1e-6 else 0.5 * (y + end) * time
+            y, left = end, left - time
+            if left <= 0.0:
+                break
+        means[k] = total / dt
+    return course, means
+
+
+def _of_several(slopes: np.ndarray, rest: np.ndarray, dt: float, *, mean: bool) -> np.ndarray:
+    """Course (N, n) from zero of dy/dt = slopes y + rest, or its mean over each sample.
+
+    slopes (N, n, n), the same in each; rest (N, n), held over a sample.
+    """
     n = rest.shape[1]
-    if n == 1:
-        a, b = slopes[:, 0, 0] * dt, rest[:, 0] * dt
-        gain = np.where(np.abs(a) < 1e-9, 1.0, np.expm1(a) / np.where(a == 0.0, 1.0, a))
-        keep, add = np.exp(a)[:, None, None], (gain * b)[:, None]
-    else:
-        block = np.zeros((2 * n, 2 * n))
-        block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
-        whole = expm(block)
-        keep, add = np.repeat(whole[None, :n, :n], len(rest), axis=0), rest @ whole[:n, n:].T
-    course = linear_recursion(keep[:-1], add[:-1, :, None], np.zeros((n, 0)))[:, :, 0]
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
+    whole = expm(block)
+    keep, add = np.repeat(whole[None, :n, :n], len(rest), axis=0), rest @ whole[:n, n:].T
     # A log without samples has no first state either.
-    return np.asarray(course[: len(rest)])
-
-
-def _means(course: np.ndarray, slopes: np.ndarray, rest: np.ndarray, dt: float) -> np.ndarray:
-    """Mean over each sample (N, n) of a course by `_linear`: dy/dt = slopes y + rest gives it from both ends."""
+    course = np.asarray(linear_recursion(keep[:-1], add[:-1, :, None], np.zeros((n, 0)))[: len(rest), :, 0])
+    if not mean:
+        return course
     ends = np.vstack([course[1:], course[-1:]])
-    if course.shape[1] == 1:
-        slope = slopes[:, :, 0]
-        steep = np.abs(slope) * dt > 1e-6
-        exact = ((ends - course) / dt - rest) / np.where(steep, slope, 1.0)
-        return np.where(steep, exact, 0.5 * (course + ends))
     if np.linalg.cond(slopes[0]) < 1e12:
         return np.asarray(np.linalg.solve(slopes[0], ((ends - course) / dt - rest).T).T)
     return 0.5 * (course + ends)
@@ -134,10 +165,19 @@ def turn(speed: str) -> Memory:
     return Memory({STATE: speed}, {STATE: "rad"}, {STATE: 1.0})
 
 
-def lag(of: str, unit: str, size: float, *, while_moving: str = "") -> Memory:
-    """What follows a variable with the time constant tau; it rests where `while_moving` is zero."""
-    rate = f"({of} - {STATE}) / tau" + (f" * abs(sign({while_moving}))" if while_moving else "")
-    return Memory({STATE: rate}, {STATE: unit}, {STATE: max(size, 1e-300)})
+def lag(of: str, unit: str, size: float) -> Memory:
+    """What follows a variable with the time constant tau."""
+    return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
+
+
+def late_direction(direction: str, *, forgets: bool) -> Memory:
+    """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
+
+    forgets: it begins at zero with each reversal, whatever was before: what is left of the other direction goes
+    FORGETS times as fast.
+    """
+    away = f" + {FORGETS:g} * {direction} * max(-{direction} * {STATE}, 0)" if forgets else ""
+    return Memory({STATE: f"({direction} - {STATE}{away}) / tau * abs({direction})"}, {STATE: "1"}, {STATE: 1.0})
 
 
 def slip(speed: str, unit: str, size: float) -> Memory:

@@ -21,7 +21,7 @@ from .memory import (
     STATE,
     MemoryTerm,
     following,
-    lag,
+    late_direction,
     over_angle,
     over_time,
     resonance,
@@ -74,11 +74,16 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
 
 
 def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
-    """Dry friction that follows a reversal late."""
-    if contact.direction in known:
-        for tau in LAGS:
-            memory = lag(contact.direction, "1", 1.0, while_moving=contact.velocity)
-            yield MemoryTerm(f"({contact.direction} - {STATE})", memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
+    """Dry friction that follows a reversal late, from what it was or anew."""
+    d = contact.direction
+    if d not in known:
+        return
+    # With a short time constant both are alike. What is not yet forgotten must not drive the motion.
+    texts = {f"({d} - {STATE})": LAGS, f"{d} * (1 - max({d} * {STATE}, 0))": [tau for tau in LAGS if tau > QUICK[0]]}
+    for (text, taus), forgets in zip(texts.items(), (False, True), strict=True):
+        memory = late_direction(d, forgets=forgets)
+        for tau in taus:
+            yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
