@@ -381,7 +381,7 @@ def _law(
         logs = logs_with(fit) if fit.candidates else curve_logs(prepared, segments, prepared.plant)
         return LawBase(logs, fit)
 
-    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.named else [])]
+    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.has_causes else [])]
     law = find_law(fits, base_of, scoring, reference, hypotheses.pool)
     if law is None:
         return None, selection

@@ -53,6 +53,11 @@ class Selection:
         return self.verdict in NAMING
 
     @property
+    def has_causes(self) -> bool:
+        """Whether the verdict says anything for the chosen causes, be it that others may stand for them."""
+        return bool(self.chosen.causes) and self.verdict != "outside_catalogue"
+
+    @property
     def explains(self) -> bool:
         """Whether the verdict says that the chosen causes explain the gap."""
         return self.verdict not in ("outside_catalogue", "partly")

@@ -133,7 +133,7 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
     """Whether the catalogue does not explain the gap, or only with causes that may imitate a law."""
     if not selection.explains:
         return True
-    return selection.named and reference.unexplained_share(selection.chosen) > IMITATED
+    return selection.has_causes and reference.unexplained_share(selection.chosen) > IMITATED
 
 
 def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
@@ -142,7 +142,7 @@ def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
     The other causes are those of the hypothesis beside which the law was found. Without an effect beside it, the law
     alone explains the gap, and nothing of the catalogue is named.
     """
-    if not selection.named:
+    if not selection.has_causes:
         return selection
     chosen = selection.chosen
     left_out = {c.key for c in chosen.fit.candidates} - {c.key for c in law.candidates}
