@@ -120,7 +120,7 @@ def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
     standstill between them is no motion."""
     (term,) = {
-        t.text: t for t in _friction(plant.structure.system.all_contacts[1], {"d_R": TIME}) if "max" in t.text
+        t.text: t for t in _friction(plant.structure.system.all_contacts[1], {"d_R": TIME}) if "abs" in t.text
     }.values()
     file = LawFile.model_validate(
         {

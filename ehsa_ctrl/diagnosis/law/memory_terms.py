@@ -78,8 +78,8 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     d = contact.direction
     if d not in known:
         return
-    # With a short time constant both are alike. What is not yet forgotten must not drive the motion.
-    texts = {f"({d} - {STATE})": LAGS, f"{d} * (1 - max({d} * {STATE}, 0))": [tau for tau in LAGS if tau > QUICK[0]]}
+    # With a short time constant both are alike. What begins anew has its full level until the contact moves.
+    texts = {f"({d} - {STATE})": LAGS, f"{d} * (1 - abs({STATE}))": [tau for tau in LAGS if tau > QUICK[0]]}
     for (text, taus), forgets in zip(texts.items(), (False, True), strict=True):
         memory = late_direction(d, forgets=forgets)
         for tau in taus:
