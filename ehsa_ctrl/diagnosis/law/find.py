@@ -35,9 +35,6 @@ MORE = 0.1
 #: imitate. On tuning seeds with a rig's errors causes of the catalogue left at most 0.05 of it, those in place of an
 #: effect that it lacks 0.15 or more in 23 of 24 logs.
 IMITATED = 0.1
-#: More causes than this may be a law's image together, however little they leave. A law takes their place only if it
-#: is better by the margin in deviance and leaves no more.
-FEW = 2
 
 
 @dataclass(frozen=True)
@@ -136,8 +133,7 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
     """Whether the catalogue does not explain the gap, or only with causes that may imitate a law."""
     if not selection.explains:
         return True
-    left = reference.unexplained_share(selection.chosen)
-    return selection.has_causes and (left > IMITATED or len(selection.chosen.causes) > FEW)
+    return selection.has_causes and reference.unexplained_share(selection.chosen) > IMITATED
 
 
 def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
