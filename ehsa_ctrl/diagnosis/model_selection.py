@@ -54,7 +54,7 @@ class Selection:
 
     @property
     def has_causes(self) -> bool:
-        """Whether the verdict says anything for the chosen causes, be it that others may stand for them."""
+        """Whether the verdict gives the chosen causes, by name or as candidates among others."""
         return bool(self.chosen.causes) and self.verdict != "outside_catalogue"
 
     @property

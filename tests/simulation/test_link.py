@@ -214,10 +214,10 @@ def test_a_plant_that_hears_nothing_more_goes_to_its_safe_current(plant, pid):
     assert summary.missed >= SAMPLES - 40 and summary.packets.lost == summary.missed - summary.packets.late
 
 
-def exchange(port, *packets, wait=1.0):
+def exchange(port, *packets):
     """Send datagrams to the controller's side, one after the other; gives the answers that come."""
     rig = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    rig.settimeout(wait)
+    rig.settimeout(1.0)
     answers = []
     for data in packets:
         rig.sendto(data, (HERE, port))

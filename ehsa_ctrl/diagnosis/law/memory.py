@@ -25,8 +25,8 @@ from ...core.linear_recursion import linear_recursion
 LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
 #: Time constants of an acceleration [s], and what it is called in results.
 QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
-#: How much faster than its time constant a late direction forgets the other one: in 8 % of it, and not too stiff for a
-#: simulation. Engineering judgement.
+#: Ratio of the time constant of a late direction to that with which the other direction decays: 50 takes it away in
+#: 8 % of the time constant, and is not too stiff for a simulation. Engineering judgement.
 FORGETS = 50.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
@@ -173,7 +173,7 @@ def lag(of: str, unit: str, size: float) -> Memory:
 def late_direction(direction: str, *, forgets: bool) -> Memory:
     """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
 
-    forgets: it begins at zero with each reversal, whatever was before: what is left of the other direction goes
+    forgets: it begins near zero after each reversal, whatever was before: the rest of the other direction decays about
     FORGETS times as fast.
     """
     away = f" + {FORGETS:g} * {direction} * max(-{direction} * {STATE}, 0)" if forgets else ""

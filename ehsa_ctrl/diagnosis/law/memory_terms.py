@@ -79,8 +79,8 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     if d not in known:
         return
     # With a short time constant both are alike. What begins anew has its full level until the contact moves.
-    texts = {f"({d} - {STATE})": LAGS, f"{d} * (1 - abs({STATE}))": [tau for tau in LAGS if tau > QUICK[0]]}
-    for (text, taus), forgets in zip(texts.items(), (False, True), strict=True):
+    anew = [tau for tau in LAGS if tau > QUICK[0]]
+    for forgets, text, taus in ((False, f"({d} - {STATE})", LAGS), (True, f"{d} * (1 - abs({STATE}))", anew)):
         memory = late_direction(d, forgets=forgets)
         for tau in taus:
             yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
