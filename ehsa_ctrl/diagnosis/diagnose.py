@@ -385,7 +385,7 @@ def _law(
     law = find_law(fits, base_of, scoring, reference, hypotheses.pool)
     if law is None:
         return None, selection
-    others = without_imitators(selection, law)
+    others = without_imitators(selection, law, reference)
     if others is selection and selection.explains:
         # What causes leave that explain the gap does not matter.
         return None, selection

@@ -35,6 +35,10 @@ MORE = 0.1
 #: imitate. On tuning seeds with a rig's errors causes of the catalogue left at most 0.05 of it, those in place of an
 #: effect that it lacks 0.15 or more in 23 of 24 logs.
 IMITATED = 0.1
+#: More causes than FEW may imitate a law however little they leave above noise. It has to be simpler then: each of its
+#: terms takes the place of SIMPLER causes at least. Five causes stood for a leak in one direction, which is one term;
+#: on a measured record three terms leave a third of what the carriage's three published causes do, and replace nothing.
+FEW, SIMPLER = 2, 2
 
 
 @dataclass(frozen=True)
@@ -84,14 +88,15 @@ class _Tried:
 class FoundLaw:
     """A proposed law and the model that has it.
 
-    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
-    effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
-    each form's model. without: the hypothesis beside which it was found.
+    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. terms: their
+    number in the best form. candidates: effects of the model. values: its parameters that are not nominal. sd: of those
+    of its effects. settings: values of each form's model. without: the hypothesis beside which it was found.
     """
 
     proposed: ProposedLaw
     effect: Effect
     begin: Begin
+    terms: int
     candidates: tuple[CandidateEffect, ...]
     values: Setting
     sd: Mapping[str, float]
@@ -102,10 +107,10 @@ class FoundLaw:
     def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis) -> FoundLaw:
         """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
         best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
-        fit = best.scored.fit
+        fit, terms = best.scored.fit, len(best.law.terms)
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without)
+        return cls(proposed, effect, best.begin, terms, candidates, fit.values, best.sd, settings, without)
 
 
 def find_law(
@@ -133,14 +138,23 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
     """Whether the catalogue does not explain the gap, or only with causes that may imitate a law."""
     if not selection.explains:
         return True
-    return selection.has_causes and reference.unexplained_share(selection.chosen) > IMITATED
+    chosen = selection.chosen
+    # No law is ahead by the margin of causes that leave less than that.
+    many = len(chosen.causes) > FEW and reference.unexplained(chosen) > reference.margin(chosen)
+    return selection.has_causes and (many or _leaves_much(selection, reference))
 
 
-def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
+def _leaves_much(selection: Selection, reference: Reference) -> bool:
+    """Whether the causes leave so much of the deviance that something else has to act."""
+    return reference.unexplained_share(selection.chosen) > IMITATED
+
+
+def without_imitators(selection: Selection, law: FoundLaw, reference: Reference) -> Selection:
     """The selection without the effects that the law makes superfluous: they imitated it.
 
     The other causes are those of the hypothesis beside which the law was found. Without an effect beside it, the law
-    alone explains the gap, and nothing of the catalogue is named.
+    alone explains the gap, and nothing of the catalogue is named. Causes that explain the gap and leave little stay
+    unless the law is much simpler.
     """
     if not selection.has_causes:
         return selection
@@ -148,8 +162,12 @@ def without_imitators(selection: Selection, law: FoundLaw) -> Selection:
     left_out = {c.key for c in chosen.fit.candidates} - {c.key for c in law.candidates}
     if not left_out:
         return selection
-    causes = tuple(key for key in chosen.causes if key not in left_out and key in law.without.own_gaps)
-    if not causes or not law.proposed.beside:
+    beside = law.without.own_gaps if law.proposed.beside else {}
+    causes = tuple(key for key in chosen.causes if key not in left_out and key in beside)
+    simpler = len(chosen.causes) - len(causes) >= SIMPLER * law.terms
+    if selection.explains and not simpler and not _leaves_much(selection, reference):
+        return selection
+    if not causes:
         return replace(selection, verdict="outside_catalogue")
     return replace(selection, verdict="partly", chosen=replace(law.without, causes=causes))
 
