@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.compiled import entry_of
 from ..core.controller_interface import MEASURED, REFERENCE, REFERENCE_FORCE, Controller
 from ..core.errors import InputError, SimulationError
 from ..core.result import Result
@@ -130,7 +132,8 @@ def run_closed_loop(
 
     Raises
     ------
-    InputError: wrong shapes, values that are not finite.
+    InputError: wrong shapes, values that are not finite; memory or settings of the controller that are no array (k,)
+        of floats.
     SimulationError: the run stopped early; the message has the time and the cause.
     """
     reference = np.array(reference, dtype=float, order="C")
@@ -168,20 +171,22 @@ def run_closed_loop(
     carry = initial_carry(plant, 1, dt)[0]
     true, filtered = np.empty((2, samples, len(MEASURED)))
     fault, ceiling = (faults or Faults()).tables(dt * np.arange(samples))
-    memory = controller.initial_memory()
+    memory, settings = (_own_numbers(controller, of) for of in ("initial_memory", "settings"))
     traced = np.array(list(controller.traces.values()), dtype=np.int64)
     traces = np.full((samples, traced.size), np.nan)
     from .closed_loop_kernel import closed_loop
 
     code = plant_code(plant.structure.equations)
+    # The first call checks the types of the arguments, which stay the same objects.
+    advance = chain([closed_loop], repeat(entry_of(closed_loop)))
     step = controller.compiled if compiled is None or compiled else None
-    parameters, settings, law = plant.vector, controller.settings(), step or _idle()
+    parameters, law = plant.vector, step or _idle()
 
     def run(stop: int) -> int:
         """Advance the engine to sample stop - 1. It returns now and then, so that Python can handle an interrupt."""
         status = UNFINISHED
         while status == UNFINISHED:
-            status = closed_loop(
+            status = next(advance)(
                 *code.arguments, stop, parameters, state, mode, carry, step is not None, law, settings, memory,
                 reference, outer, scale, noise, resolution, delay, weights, int(lag), dt, tolerance, states, modes,
                 true, filtered, measured, asked, extremes, fault, ceiling, traced, traces,
@@ -228,6 +233,15 @@ def run_closed_loop(
     return ClosedLoop(
         trajectory, rows, measured[there], asked[there], by_name, None if target is None else target[there]
     )
+
+
+def _own_numbers(controller: Controller, of: str) -> np.ndarray:
+    """What a method of a controller returns, as the engine needs it; the step changes its memory in place."""
+    found = getattr(controller, of)()
+    if isinstance(found, np.ndarray) and found.dtype == float and found.ndim == 1 and found.flags.c_contiguous:
+        return found
+    what = f"an array {found.shape} of {found.dtype}" if isinstance(found, np.ndarray) else type(found).__name__
+    raise InputError(f"controller {controller.name}: {of}() returns {what}; expected an array (k,) of float64")
 
 
 @lru_cache(maxsize=1)

@@ -37,7 +37,7 @@ def drained(sealed):
     return with_every_effect(sealed).set(K_e=2e-13)
 
 
-def moved(plant, seconds=40.0, seed=3, noise=True, sensors=None):
+def moved(plant, seconds=26.0, seed=3, noise=True, sensors=None):
     """A log at 50 Hz: moves to and fro at various speeds, with a current that changes at other times.
 
     sensors: channel -> what its sensor makes of (values, time).

@@ -85,6 +85,25 @@ def test_a_played_back_current_is_an_open_loop_run(plant):
     assert np.array_equal(loop.trajectory.cell_force, simulate(plant, current).cell_force)
 
 
+@pytest.mark.parametrize(
+    ("returned", "what"),
+    [
+        (np.zeros(1, dtype=np.float32), "an array (1,) of float32"),
+        (np.zeros((1, 1)), "an array (1, 1) of float64"),
+        ([0.0], "list"),
+    ],
+)
+@pytest.mark.parametrize("of", ["settings", "initial_memory"])
+def test_a_controller_of_ones_own_that_returns_no_floats_is_refused(plant, monkeypatch, of, returned, what):
+    """The engine reads the numbers in place."""
+    monkeypatch.setattr(Given, of, lambda self: returned)
+
+    with pytest.raises(InputError) as caught:
+        run_closed_loop(plant, Given(np.zeros(9)), np.zeros((9, 3)))
+
+    assert str(caught.value) == f"controller given: {of}() returns {what}; expected an array (k,) of float64"
+
+
 def test_a_lag_moves_the_current_by_whole_samples(plant):
     """With a lag of 3 the motor sees each current 12 ms late, and nothing before."""
     from ehsa_ctrl import simulate
