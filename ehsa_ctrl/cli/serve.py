@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from ..simulation.link import PATIENCE
 from .complete import controllers, plants, scenarios
 from .options import Settings, read_pairs
 from .output import OutputOptions, command_line, note, warn_implausible
@@ -51,7 +52,7 @@ def command(
         float | None,
         typer.Option(metavar="S", help="Real time: wall-clock seconds a sample; left out, lock-step without a clock."),
     ] = None,
-    patience: Annotated[float, typer.Option(metavar="S", help="Time to wait for the other side.")] = 60.0,
+    patience: Annotated[float, typer.Option(metavar="S", help="Time to wait for the other side.")] = PATIENCE,
     duration: Annotated[float, typer.Option(metavar="S", help="Length of a plant's run without a scenario.")] = 10.0,
     seed: Annotated[
         int | None, typer.Option(help="Seed of the plant's sensor noise, for the scenario's.", min=0)

@@ -17,6 +17,7 @@ import numpy as np
 from ...core.controller_interface import MEASURED, REFERENCE, Controller
 from ...core.errors import InputError
 from ...core.watchdog import Watchdog
+from . import PATIENCE
 from .endpoint import Endpoint
 from .latency import LatencyHistogram
 from .packet import CURRENT, END, SAFE, Packet
@@ -43,7 +44,7 @@ class ControllerSide:
     watchdog: Watchdog
     reference: np.ndarray | None = None
     period: float | None = None
-    patience: float = 60.0
+    patience: float = PATIENCE
     rows: list[list[float]] = field(default_factory=list)
     _memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _next: int = 0

@@ -19,6 +19,7 @@ import numpy as np
 from ...core.controller_interface import REFERENCE_FORCE
 from ...core.errors import InputError
 from ...core.watchdog import Watchdog
+from . import PATIENCE
 from .endpoint import LAST_RUN, Endpoint
 from .latency import LatencyHistogram
 from .packet import CURRENT, END, READINGS, SAFE, Packet
@@ -45,7 +46,7 @@ class RemoteController:
     sample_time: float
     watchdog: Watchdog
     period: float | None = None
-    patience: float = 60.0
+    patience: float = PATIENCE
     name: str = "the other side of the link"
     compiled: Callable[..., float] | None = None
     traces: Mapping[str, int] = field(default_factory=dict)
