@@ -97,9 +97,7 @@ class Expression:
 
     def values(self, known: Mapping[str, Any]) -> Any:
         """Its value for numbers or arrays (N,) by name."""
-        names = {one: getattr(np, one) for one in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh", "round")}
-        names |= {"min": _smallest, "max": _largest}
-        return eval(_compiled(self.python), {"__builtins__": {}, **names, **known})
+        return eval(_compiled(self.text), {**_ARRAY_FUNCTIONS, **known})
 
     def function(
         self, name: str, file: str, first: str, form: str, *, also: Sequence[str] = ()
@@ -130,9 +128,15 @@ def _largest(*values: Any) -> Any:
     return reduce(np.maximum, values)
 
 
+_ARRAY_FUNCTIONS: Mapping[str, Any] = {
+    "__builtins__": {}, "min": _smallest, "max": _largest,
+    **{name: getattr(np, name) for name in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh", "round")},
+}  # fmt: skip
+
+
 @cache
-def _compiled(python: str) -> CodeType:
-    return compile(python, "<expression>", "eval")
+def _compiled(text: str) -> CodeType:
+    return compile(_python(_parsed(text)), "<expression>", "eval")
 
 
 def dimension_of(unit: str) -> Dimension:
