@@ -88,15 +88,14 @@ class _Tried:
 class FoundLaw:
     """A proposed law and the model that has it.
 
-    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. terms: their
-    number in the best form. candidates: effects of the model. values: its parameters that are not nominal. sd: of those
-    of its effects. settings: values of each form's model. without: the hypothesis beside which it was found.
+    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
+    effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
+    each form's model. without: the hypothesis beside which it was found.
     """
 
     proposed: ProposedLaw
     effect: Effect
     begin: Begin
-    terms: int
     candidates: tuple[CandidateEffect, ...]
     values: Setting
     sd: Mapping[str, float]
@@ -107,10 +106,15 @@ class FoundLaw:
     def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis) -> FoundLaw:
         """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
         best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
-        fit, terms = best.scored.fit, len(best.law.terms)
+        fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, best.begin, terms, candidates, fit.values, best.sd, settings, without)
+        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without)
+
+    @property
+    def terms(self) -> int:
+        """Number of terms of its best form: their factors alone have a neutral value."""
+        return sum(one.neutral is not None for one in self.proposed.forms[0].file.parameters.values())
 
 
 def find_law(
