@@ -139,35 +139,63 @@ def load_compiled(text: str, title: str) -> ModuleType:
 
 
 @cache
-def load_functions(text: str) -> Mapping[str, int]:
+def load_functions(text: str, *, store: bool = True) -> Mapping[str, int]:
     """Compile LLVM assembly; returns the address of each function that it defines, except internal ones.
 
-    The first call for a text compiles, which takes some tenths of a second; later processes load the result. The hash
-    of the text is added to the names, because all code that numba compiles in a process shares one name space.
+    The first call for a text compiles, which takes some tenths of a second; if it is stored, later processes load
+    the result. The hash of the text is added to the names, because all code of a process shares one name space.
     """
-    from llvmlite.binding import parse_assembly
+    import llvmlite.binding as llvm
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.registry import cpu_target
 
     key = _key(text)
     names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)
     codegen = cpu_target.target_context.codegen()
-    place = _CacheFile(f"{key}-llvm", codegen)
+    place = _CacheFile(f"{key}-object" if store else "", codegen)
+    target = _target_machine(*codegen.magic_tuple()[1:])
+    # numba works with the same context of LLVM, which is not safe for threads.
     with global_compiler_lock:
-        library = place.load(codegen.unserialize_library)
-        if library is None:
-            library = codegen.create_library(f"ehsa_ctrl_{key}")
-            library.enable_object_caching()
-            unique = re.sub(rf"@({'|'.join(names)})\(", rf"@\1_{key}(", text)
-            library.add_llvm_module(parse_assembly(unique))
-            library.finalize()
-            place.save(library.serialize_using_object_code())
-        _loaded.append(library)
-        return {name: library.get_pointer_to_function(f"{name}_{key}") for name in names}
+        code = place.load(bytes)
+        if code is None:
+            code = _machine_code(re.sub(rf"@({'|'.join(names)})\(", rf"@\1_{key}(", text), target)
+            place.save(code)
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        _loaded.append(engine)
+        return {name: engine.get_function_address(f"{name}_{key}") for name in names}
 
 
-#: Libraries whose functions are called by address, kept so that they live as long as the process.
+#: Engines whose functions are called by address, kept so that they live as long as the process.
 _loaded: list[Any] = []
+
+
+def _machine_code(text: str, target: Any) -> bytes:
+    """Object file of LLVM assembly.
+
+    Optimised once, without vectorisation: the functions are straight-line code. numba's own pipeline, which optimises
+    twice, takes twice the time for the same code.
+    """
+    import llvmlite.binding as llvm
+
+    module = llvm.parse_assembly(text)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(target, options)
+    builder.getModulePassManager().run(module, builder)
+    return cast(bytes, target.emit_object(module))
+
+
+@cache
+def _target_machine(cpu: str, features: str) -> Any:
+    """A processor by the names that numba uses, also where its settings name another one than this."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    triple = llvm.Target.from_default_triple()
+    return triple.create_target_machine(cpu=cpu, features=features, opt=3, codemodel="jitdefault")
 
 
 def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.compiled import load_functions
 from ..core.errors import InputError
+from ..physics.effects import EFFECTS
 from ..plant.wiring import Equations
 from .plant_text import plant_text
 
@@ -54,7 +55,8 @@ def plant_code(equations: Equations, *, sensitivities: bool = False) -> PlantCod
         )
     contacts = structure.system.contacts
     text, constants = plant_text(structure, sensitivities=sensitivities)
-    addresses = load_functions(text)
+    # The many laws that a diagnosis tries would fill the disk, and none of them is likely to come again.
+    addresses = load_functions(text, store=EFFECTS.members().keys() >= set(structure.effects))
     names = [*NAMES, *(f"{name}_{i}" for i in range(len(contacts)) for name in OF_A_CONTACT)]
     kinks = structure.system.kinks
     names += [f"kink_{i}" for i in range(len(kinks))]

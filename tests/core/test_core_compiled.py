@@ -1,5 +1,6 @@
-"""Machine code on disk: kept privately, held against its digest, compiled again whatever is wrong with it."""
+"""Machine code on disk: private, checked against its digest, compiled again whatever is wrong with it."""
 
+import ctypes
 import errno
 import hashlib
 import logging
@@ -9,12 +10,13 @@ import stat
 import subprocess
 import sys
 import tempfile
+from math import tanh
 from pathlib import Path
 
 import pytest
 
 from ehsa_ctrl.core import compiled
-from ehsa_ctrl.core.compiled import DIGEST, cache_folder, load_compiled
+from ehsa_ctrl.core.compiled import DIGEST, cache_folder, load_compiled, load_functions
 
 TEXT = """\
 from numba import float64
@@ -24,6 +26,20 @@ from ehsa_ctrl.core.compiled import cached_njit
 @cached_njit(float64(float64))
 def twice(x):
     return 2.0 * x
+"""
+ASSEMBLY = """\
+declare double @tanh(double)
+
+define internal double @half(double %x) nounwind {
+  %y = fmul double 0.5, %x
+  ret double %y
+}
+
+define double @saturated(double %x) nounwind {
+  %y = call double @half(double %x)
+  %z = call double @tanh(double %y)
+  ret double %z
+}
 """
 needs_owners = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owner here")
 
@@ -56,6 +72,38 @@ def test_a_second_start_loads_and_another_text_compiles(folder):
     assert start() == (42.0, 0)
     assert start(TEXT + "# edited") == (42.0, 1)
     assert start(TEXT.replace("2.0", "3.0")) == (63.0, 1)
+
+
+def saturated(x, *, store):
+    """What a new process would do: the function of the assembly at x, called by its address."""
+    load_functions.cache_clear()
+    address = load_functions(ASSEMBLY, store=store)["saturated"]
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(address)(x)
+
+
+@pytest.mark.parametrize("store", [True, False])
+def test_functions_of_assembly_are_stored_if_asked(folder, monkeypatch, store):
+    """Stored ones load without the compiler, others leave no file; both call the mathematical library."""
+    assert saturated(0.6, store=store) == tanh(0.3)
+    assert len([*folder.glob("*.code")]) == store
+    compile_again = compiled._machine_code
+    calls = []
+    monkeypatch.setattr(compiled, "_machine_code", lambda *given: calls.append(given) or compile_again(*given))
+
+    assert saturated(0.8, store=store) == tanh(0.4)
+    assert len(calls) == (not store)
+
+
+def test_damaged_assembly_is_compiled_again(folder, caplog):
+    """Like the functions of a module."""
+    saturated(0.6, store=True)
+    file = kept(folder)
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-1])
+
+    assert saturated(0.6, store=True) == tanh(0.3)
+    assert file.read_bytes() == whole
+    assert "compiling again" in caplog.text
 
 
 @needs_owners

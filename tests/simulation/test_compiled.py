@@ -6,9 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.core.compiled import load_functions
+from ehsa_ctrl.diagnosis.law.free_run import kept_effect
+from ehsa_ctrl.physics.effects import LawFile
+from ehsa_ctrl.simulation.plant_code import plant_code
 
 PROGRAM = """
 import sys
@@ -50,3 +55,27 @@ def test_a_second_start_does_not_compile_and_an_edit_does(tmp_path):
     assert warm == (cold[0], 0)
     assert edited[1] == 1
     assert edited[0] > 1.5 * cold[0]
+
+
+def test_a_law_that_is_only_tried_leaves_no_file(tmp_path, monkeypatch):
+    """A diagnosis tries a hundred of them; a plant's own effects are stored."""
+    monkeypatch.setenv("EHSA_CTRL_CACHE", str(tmp_path))
+    # Another test may have compiled the same plant in this process.
+    plant_code.cache_clear()
+    load_functions.cache_clear()
+    definition = {
+        "schema": 1, "status": "proposed", "summary": "drag", "adds_to": "force", "expression": "c_tried * v * abs(v)",
+        "parameters": {"c_tried": {"value": 3.0, "unit": "N s2/m2", "neutral": 0.0}},
+    }  # fmt: skip
+    plant = ehsa_ctrl.load_plant("emps")
+
+    def files(effect, **values):
+        before = {*tmp_path.glob("*-object-*.code")}
+        run = ehsa_ctrl.simulate(plant.with_effects(effect, **values), np.full(20, 60.0))
+        assert run["v"][-1] > 0.0
+        return len({*tmp_path.glob("*-object-*.code")} - before)
+
+    tried = kept_effect("tried_drag", LawFile.model_validate(definition))
+
+    assert files(tried.name, c_tried=3.0) == 0
+    assert files("rod_drag", k_v=3.0) == 1
