@@ -21,6 +21,7 @@ from .objective import TEMPER, Objective
 from .pool import Pool
 from .records import Segment
 from .refit import HypothesisFit, refine, refit, refit_by_windows, refit_until_converged
+from .screening import Screening, screen
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
@@ -92,6 +93,21 @@ class Hypotheses:
         """Fits of hypotheses with `size` effects (None: of all), the lowest cost first."""
         chosen = [fit for fit in self.fits.values() if size is None or len(fit.candidates) == size]
         return sorted(chosen, key=lambda fit: fit.cost)
+
+    @property
+    def nominal(self) -> HypothesisFit:
+        """The nominal model as a fit that changes nothing."""
+        nominal, r = self.objective.nominal, self.residual
+        values = dict(zip(nominal.names, nominal.values.tolist(), strict=True))
+        jacobian = np.column_stack([self.sensitivities[name] for name in nominal.names]) * nominal.sd
+        cost = TEMPER * self.objective.loss(r)
+        return HypothesisFit((), values, cost, r, jacobian, self.objective.free_numbers(()))
+
+    def screening(self, fit: HypothesisFit | None = None) -> Screening:
+        """Responses to all candidates at the values of a fit, at those of the nominal plant by default."""
+        known = fit or self.nominal
+        at = {} if fit is None else fit.values
+        return screen(self.objective, self.candidates, self.pool, known.residual, at)
 
     @property
     def sizes(self) -> list[int]:
@@ -200,164 +216,20 @@ class Hypotheses:
         return replace(self, objective=objective, fits=fits)
 
 
-@dataclass(frozen=True)
-class Response:
-    """Linear response of the residual to a candidate, from one of its starts.
-
-    values: of the candidate's parameters at which it was linearised. base: (n,) residual there: that of the screening,
-    or that at the start if the neutral value is infinite. sensitivities: name -> (n,) derivative by one scale.
-    """
-
-    candidate: CandidateEffect
-    values: Setting
-    base: np.ndarray = field(repr=False)
-    sensitivities: Mapping[str, np.ndarray] = field(repr=False)
-
-
-class Gain(NamedTuple):
-    """Predicted decrease of the cost, of which response, and the step (k,) of its parameters in their scales."""
-
-    decrease: float
-    response: Response
-    step: np.ndarray
-
-
-@dataclass(frozen=True)
-class Screening:
-    """Responses of all candidates at one setting.
-
-    sensitivities: (n, c) of all responses side by side, because one matrix product is many times faster than one per
-    response. shifts: (n, responses) base of each response minus the residual of the setting.
-    """
-
-    responses: tuple[Response, ...]
-    sensitivities: np.ndarray = field(repr=False)
-    shifts: np.ndarray = field(repr=False)
-
-    @classmethod
-    def of(cls, responses: Sequence[Response], residual: np.ndarray) -> Screening:
-        sensitivities = np.column_stack([column for r in responses for column in r.sensitivities.values()])
-        return cls(tuple(responses), sensitivities, np.column_stack([r.base - residual for r in responses]))
-
-    def gains(self, hypotheses: Hypotheses, fit: HypothesisFit | None = None) -> list[Gain]:
-        """Predicted decrease of the cost for each response added to a fit (None: to the nominal model).
-
-        The largest decrease comes first.
-        """
-        if fit is None:
-            own, used, r = 0, set[tuple[str, str | None]](), hypotheses.residual
-            names = list(hypotheses.objective.nominal.names)
-            nominal = hypotheses.objective.nominal
-            nuisance = np.column_stack([hypotheses.sensitivities[n] for n in names]) * nominal.sd
-            prior = np.zeros(len(names))
-        else:
-            own, used, r, nuisance = fit.n_effect, {c.key for c in fit.candidates}, fit.residual, fit.jacobian
-            names = [f.name for f in fit.free]
-            prior = np.array([(fit.values[f.name] - f.nominal) / f.scale for f in fit.free])
-            prior[:own] = 0.0
-        ridge = np.where(np.arange(nuisance.shape[1]) < own, 1e-6, 1.0)
-        among = TEMPER * (nuisance.T @ nuisance) + np.diag(ridge)
-        across = TEMPER * (nuisance.T @ self.sensitivities)
-        here, there = TEMPER * (self.sensitivities.T @ r), TEMPER * (nuisance.T @ r) + ridge * prior
-        # The predicted cost if only the nominal parameters are refitted.
-        without = TEMPER * float(r @ r) + float((ridge * prior) @ prior) - float(there @ np.linalg.solve(among, there))
-        moved = TEMPER * (nuisance.T @ self.shifts)
-        size = TEMPER * (float(r @ r) + 2.0 * (r @ self.shifts) + np.sum(self.shifts**2, axis=0))
-        found, end = [], 0
-        for number, response in enumerate(self.responses):
-            begin, end = end, end + len(response.sensitivities)
-            if response.candidate.key in used or set(response.candidate.names) & set(names[:own]):
-                continue
-            C = self.sensitivities[:, begin:end]
-            # A nominal parameter that the candidate sets free has no prior: its nuisance column is left out.
-            keep = [i for i, n in enumerate(names) if n not in response.sensitivities]
-            own_block = TEMPER * (C.T @ C) + 1e-6 * np.eye(end - begin)
-            full = np.block(
-                [[own_block, across[keep, begin:end].T], [across[keep, begin:end], among[np.ix_(keep, keep)]]]
-            )
-            shift = self.shifts[:, number]
-            g = np.concatenate([here[begin:end] + TEMPER * (C.T @ shift), there[keep] + moved[keep, number]])
-            step = _clip_step(response, -np.linalg.solve(full, g), full, g)
-            after = float(size[number]) + float((ridge * prior)[keep] @ prior[keep])
-            after += 2.0 * float(g @ step) + float(step @ full @ step)
-            found.append(Gain(without - after, response, step[: end - begin]))
-        return sorted(found, key=lambda row: -row[0])
-
-
-def _clip_step(response: Response, step: np.ndarray, full: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """The step with the candidate's parameters clipped to their bounds and the others optimal for that."""
-    k = len(response.sensitivities)
-    free = [f for f in response.candidate.free if f.name in response.sensitivities]
-    low = np.array([(f.lower - response.values[f.name]) / f.scale for f in free])
-    high = np.array([(f.upper - response.values[f.name]) / f.scale for f in free])
-    own = np.clip(step[:k], low, high)
-    if np.array_equal(own, step[:k]):
-        return step
-    rest = -np.linalg.solve(full[k:, k:], g[k:] + full[k:, :k] @ own)
-    return np.concatenate([own, rest])
-
-
-def screen(hypotheses: Hypotheses, at: Setting | None = None) -> Screening:
-    """Simulate the response to every candidate from each of its starts.
-
-    at: values at which the screening is done; those of the nominal plant by default.
-    """
-    objective, at = hypotheses.objective, at or {}
-    zero = objective.residuals([at])[0] if at else hypotheses.residual
-    assert zero is not None
-
-    def respond(item: tuple[CandidateEffect, tuple[float, ...]]) -> Response | None:
-        candidate, start = item
-        if candidate.shaped:
-            # Location and shape have no derivative at the neutral value: one secant from neutral to the start.
-            values = dict(zip(candidate.names, start, strict=True))
-            (moved,) = objective.residuals([{**at, **values}])
-            if moved is None:
-                return None
-            column = (moved - zero) / (start[0] / candidate.free[0].scale)
-            return Response(candidate, values, zero, {candidate.names[0]: column})
-        base: np.ndarray | None
-        if all(np.isfinite(f.nominal) for f in candidate.free):
-            # Secants from the neutral values, or from those of `at`, with steps as long as to the start.
-            others = {f.name: f.nominal for f in candidate.free if f.fixed}
-            base, values = zero, {f.name: others.get(f.name, at.get(f.name, f.nominal)) for f in candidate.free}
-            steps = [max(s - f.nominal, 0.0) or f.scale for s, f in zip(start, candidate.free, strict=True)]
-        else:
-            values = dict(zip(candidate.names, start, strict=True))
-            base, others, steps = (
-                objective.residuals([{**at, **values}])[0],
-                values,
-                [0.5 * f.scale for f in candidate.free],
-            )
-        if base is None:
-            return None
-        moving = [(f, h) for f, h in zip(candidate.free, steps, strict=True) if not f.fixed]
-        settings = [{**at, **others, f.name: values[f.name] + h} for f, h in moving]
-        sensitivities = {
-            f.name: (r - base) / (h / f.scale)
-            for (f, h), r in zip(moving, objective.residuals(settings), strict=True)
-            if r is not None
-        }
-        return Response(candidate, values, base, sensitivities) if sensitivities or others else None
-
-    items = [(candidate, start) for candidate in hypotheses.candidates for start in candidate.starts]
-    return Screening.of([r for r in hypotheses.pool.map("screening", respond, items) if r is not None], zero)
-
-
 def search(hypotheses: Hypotheses, *, lumped: bool) -> tuple[Hypotheses, Screening]:
     """Fit single effects and pairs; sets of three too if the pairs leave much, or the model lacks dry friction.
 
     Returns the hypotheses and the last screening.
     """
-    screening = screen(hypotheses)
+    screening = hypotheses.screening()
     hypotheses = _fit_singles(hypotheses, screening)
     if lumped:
         # The best fit is so far from the nominal plant that its sensitivities are no longer valid.
-        screening = screen(hypotheses, hypotheses.best()[0].values)
+        screening = hypotheses.screening(hypotheses.best()[0])
     hypotheses = _grow_sets(hypotheses, screening, 2)
     if lumped:
         hypotheses = _fit_missing_friction(hypotheses)
-        screening = screen(hypotheses, hypotheses.best()[0].values)
+        screening = hypotheses.screening(hypotheses.best()[0])
     if lumped or _pairs_leave_much(hypotheses):
         hypotheses = _grow_sets(hypotheses, screening, 3)
     return hypotheses, screening
@@ -377,15 +249,15 @@ def _fit_singles(hypotheses: Hypotheses, screening: Screening) -> Hypotheses:
     null = hypotheses.fits[()]
     tasks: list[Task] = []
     seen: Counter[tuple[str, str | None]] = Counter()
-    for _, response, step in screening.gains(hypotheses):
-        if seen[response.candidate.key] >= (N_STARTS if len(response.candidate.starts) > 1 else 1):
+    for gain in screening.gains(hypotheses.nominal):
+        candidate = gain.candidate
+        if seen[candidate.key] >= (N_STARTS if len(candidate.starts) > 1 else 1):
             continue
-        seen[response.candidate.key] += 1
-        tasks.append(Task((response.candidate,), start_values(response, step, {})))
+        seen[candidate.key] += 1
+        tasks.append(Task((candidate,), gain.start({})))
         if len(tasks) >= N_REFIT:
             break
-    for _, response, step in screening.gains(hypotheses, null)[: N_REFIT // 2]:
-        tasks.append(Task((response.candidate,), start_values(response, step, null.values)))
+    tasks += [Task((gain.candidate,), gain.start(null.values)) for gain in screening.gains(null)[: N_REFIT // 2]]
     hypotheses = hypotheses.with_refits(tasks, "single effects", steps=3)
     # A hypothesis that explains less than the nominal parameters alone has not reached its optimum.
     worse = [fit for fit in hypotheses.best(1) if fit.cost > null.cost and not fit.candidates[0].shaped]
@@ -403,22 +275,22 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
     if not best:
         return hypotheses
     explained = TEMPER * hypotheses.objective.loss(hypotheses.residual) - best[0].cost
-    if screening.gains(hypotheses, best[0])[0][0] < MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0):
+    if screening.gains(best[0])[0].decrease < MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0):
         return hypotheses
     tasks: list[Task] = []
     seen = Counter(hypotheses.fits.keys())
     for base in best[:N_GROW]:
         added = 0
-        for gain, response, step in screening.gains(hypotheses, base):
-            candidates = (*base.candidates, response.candidate)
+        for gain in screening.gains(base):
+            candidates = (*base.candidates, gain.candidate)
             key = hypothesis_key(candidates)
-            if gain < MIN_ADDED_GAIN or added >= N_ADD:
+            if gain.decrease < MIN_ADDED_GAIN or added >= N_ADD:
                 break
-            if seen[key] >= (N_ADDED_STARTS if len(response.candidate.starts) > 1 else 1):
+            if seen[key] >= (N_ADDED_STARTS if len(gain.candidate.starts) > 1 else 1):
                 continue
             added += 1
             seen[key] += 1
-            tasks.append(Task(candidates, start_values(response, step, base.values)))
+            tasks.append(Task(candidates, gain.start(base.values)))
     hypotheses = hypotheses.with_refits(tasks, f"sets of {size}", steps=3)
     hypotheses = hypotheses.refine(hypotheses.best(size)[: N_REFINE - 1])
     return hypotheses.with_level_of(hypotheses.best()[0])
@@ -459,14 +331,3 @@ def distinct_tasks(tasks: Iterable[Task]) -> list[Task]:
     for task in tasks:
         found.setdefault(hypothesis_key(task.candidates), task)
     return list(found.values())
-
-
-def start_values(response: Response, step: np.ndarray, values: Setting) -> dict[str, float]:
-    """Start values of a set: `values`, and those of a new candidate after the step that the screening predicts."""
-    free = {f.name: f for f in response.candidate.free}
-    out = {**values, **{name: response.values[name] for name in free}}
-    for name, z in zip(response.sensitivities, step, strict=True):
-        f = free[name]
-        at = f.nominal if response.candidate.shaped else response.values[name]
-        out[name] = float(np.clip(at + z * f.scale, f.lower, f.upper))
-    return out

@@ -11,27 +11,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..physics.effects import CandidateEffect
 from .hypothesis_search import (
     MIN_ADDED_GAIN,
     MIN_GAIN,
     MIN_GAIN_SHARE,
-    Gain,
     Hypotheses,
     Key,
-    Response,
-    Screening,
     Task,
     distinct_tasks,
     hypothesis_key,
-    screen,
-    start_values,
 )
 from .objective import TEMPER
 from .records import Segment
 from .refit import HypothesisFit
+from .screening import Gain, Screening
 
 # The numbers below are engineering judgement: computing time against the risk of missing a cause.
 
@@ -57,7 +51,7 @@ def neighbours(hypotheses: Hypotheses, bases: Sequence[HypothesisFit], searched:
     if not found.fits:
         return []
     found = found.with_level_of(found.best()[0])
-    screening = screen(found, _best(found).values)
+    screening = found.screening(_best(found))
     moved: set[Key] = set()
     for _ in range(ROUNDS):
         base = _best(found)
@@ -79,10 +73,10 @@ def _round(found: Hypotheses, screening: Screening, base: HypothesisFit) -> Hypo
         for out in left_out
     ]
     found = found.with_refits(reduced, "neighbouring sets", steps=3)
-    tasks = _additions(screening.gains(found, base), base, ADDED) if len(base.candidates) < MAX_CAUSES else []
+    tasks = _additions(screening.gains(base), base, ADDED) if len(base.candidates) < MAX_CAUSES else []
     for out, task in zip(left_out, reduced, strict=True):
         for fit in found.fits_of([task]):
-            gains = screening.gains(found, fit)
+            gains = screening.gains(fit)
             tasks += _additions(gains, fit, EXCHANGED, out)
             tasks += _other_forms(gains, fit, out)
     known = set(found.fits)
@@ -98,25 +92,25 @@ def _additions(
     """A fit with each of the effects that promise most beside it, without the one that was just left out."""
     tasks: list[Task] = []
     seen = set() if left_out is None else {left_out.key}
-    for gain, response, step in gains:
-        if gain < MIN_ADDED_GAIN or len(tasks) >= count:
+    for gain in gains:
+        if gain.decrease < MIN_ADDED_GAIN or len(tasks) >= count:
             break
-        if response.candidate.key in seen:
+        if gain.candidate.key in seen:
             continue
-        seen.add(response.candidate.key)
-        tasks.append(_added(fit, response, step))
+        seen.add(gain.candidate.key)
+        tasks.append(_added(fit, gain))
     return tasks
 
 
 def _other_forms(gains: Sequence[Gain], fit: HypothesisFit, left_out: CandidateEffect) -> list[Task]:
     """A fit with each other form of the effect that was just left out: a mass on the rod for one behind the cell."""
-    forms = ((r, step) for _, r, step in gains if r.candidate.key == left_out.key)
-    return distinct_tasks(_added(fit, r, step) for r, step in forms if r.candidate.names != left_out.names)
+    forms = (gain for gain in gains if gain.candidate.key == left_out.key)
+    return distinct_tasks(_added(fit, gain) for gain in forms if gain.candidate.names != left_out.names)
 
 
-def _added(fit: HypothesisFit, response: Response, step: np.ndarray) -> Task:
+def _added(fit: HypothesisFit, gain: Gain) -> Task:
     """A fit with one more effect, after the step that the screening predicts."""
-    return Task((*fit.candidates, response.candidate), start_values(response, step, fit.values), fit)
+    return Task((*fit.candidates, gain.candidate), gain.start(fit.values), fit)
 
 
 def _price(found: Hypotheses, fit: HypothesisFit) -> float:

@@ -16,11 +16,12 @@ import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
-from .hypothesis_search import N_REFINE, Hypotheses, Screening, Task, distinct_tasks, start_values
+from .hypothesis_search import N_REFINE, Hypotheses, Task, distinct_tasks
 from .local_search import MAX_CAUSES
 from .objective import TEMPER, Objective
 from .records import Segment
 from .refit import HypothesisFit
+from .screening import Screening
 
 #: Effects and pairs that are fitted beside all nominal parameters, sets that are reduced.
 SINGLES, PAIRS, REDUCED = 10, 6, 3
@@ -80,14 +81,14 @@ def _grow(
     options = []
     for base in bases:
         seen = set()
-        for gain, response, step in screening.gains(found, base):
-            candidate = response.candidate
+        for gain in screening.gains(base):
+            candidate = gain.candidate
             form = candidate.key, candidate.names
-            if gain < 2.0 or form not in keys or form in seen:
+            if gain.decrease < 2.0 or form not in keys or form in seen:
                 continue
             seen.add(form)
             members = (*base.candidates, candidate)
-            options.append((base.cost - gain, members, start_values(response, step, base.values)))
+            options.append((base.cost - gain.decrease, members, gain.start(base.values)))
     options.sort(key=lambda row: row[0])
     return found.with_refits([Task(members, start) for _, members, start in options[:count]], "effects beside", steps=4)
 

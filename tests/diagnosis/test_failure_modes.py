@@ -6,10 +6,11 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
-from ehsa_ctrl.diagnosis.hypothesis_search import MIN_GAIN, Hypotheses, Response, Screening, screen
+from ehsa_ctrl.diagnosis.hypothesis_search import MIN_GAIN, Hypotheses
 from ehsa_ctrl.diagnosis.objective import TEMPER, objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.records import Record, Segment
+from ehsa_ctrl.diagnosis.screening import Response, Screening
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.physics.effects import CandidateEffect, Effect, FreeNumber
 
@@ -25,7 +26,7 @@ def screened():
     model = HypothesisModel(with_every_effect(plant), log)
     objective, sensitivities = objective_of(Segment((Record(model, estimate_noise(log)),), ""), 0.03)
     hypotheses = Hypotheses.initial(objective, candidate_effects(model), sensitivities, Pool(2))
-    return hypotheses, screen(hypotheses)
+    return hypotheses, hypotheses.screening()
 
 
 @pytest.mark.slow
@@ -37,7 +38,9 @@ def test_wrong_numbers_of_the_plant_look_like_no_effect(screened):
     others = [x for x in screening.responses if not own & set(x.candidate.names)]
     sensitivities = [c for x in others for c in x.sensitivities.values() if c.any()]
     naive = max(TEMPER * float(r @ column) ** 2 / float(column @ column) for column in sensitivities)
-    projected = max(gain for gain, x, _ in screening.gains(hypotheses) if not own & set(x.candidate.names))
+    projected = max(
+        gain.decrease for gain in screening.gains(hypotheses.nominal) if not own.intersection(gain.candidate.names)
+    )
 
     assert naive > 10.0 * MIN_GAIN
     assert projected < MIN_GAIN
@@ -56,4 +59,4 @@ def test_a_placebo_gains_nothing(screened):
         column = rng.standard_normal(hypotheses.residual.size)
         responses.append(Response(candidate, {effect.name: 0.0}, base, {effect.name: column}))
 
-    assert max(gain for gain, *_ in Screening.of(responses, base).gains(hypotheses)) < 2.0
+    assert max(gain.decrease for gain in Screening.of(responses, base).gains(hypotheses.nominal)) < 2.0

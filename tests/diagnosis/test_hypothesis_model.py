@@ -8,7 +8,7 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.acting_model import ActingModel
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
-from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Pool, screen, start_values
+from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Pool
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.records import Record, Segment
 from ehsa_ctrl.diagnosis.refit import refit
@@ -166,6 +166,6 @@ def test_a_number_beside_an_infinite_one_is_searched_from_its_start(rig):
     candidate = CandidateEffect(EFFECTS["relief_valve"], free, ((25e5, 1e6),))
     hypotheses = Hypotheses.initial(objective, (candidate,), sensitivities, Pool(1))
 
-    ((_, response, step),) = screen(hypotheses).gains(hypotheses)
+    (gain,) = hypotheses.screening().gains(hypotheses.nominal)
 
-    assert start_values(response, step, {})["P_crack"] == pytest.approx(24e5, abs=3e5)
+    assert gain.start({})["P_crack"] == pytest.approx(24e5, abs=3e5)
