@@ -84,10 +84,11 @@ def _warn_once(sentence: str) -> None:
 
 
 def _key(text: str) -> str:
+    import llvmlite
     import numba
     import numpy as np
 
-    versions = f"{numba.__version__} {np.__version__} {sys.version} {sys.platform}"
+    versions = f"{numba.__version__} {llvmlite.__version__} {np.__version__} {sys.version} {sys.platform}"
     return hashlib.sha256(f"{versions}\n{text}".encode()).hexdigest()[:20]
 
 
@@ -138,44 +139,45 @@ def load_compiled(text: str, title: str) -> ModuleType:
     return module
 
 
-@cache
 def load_functions(text: str, *, store: bool = True) -> Mapping[str, int]:
     """Compile LLVM assembly; returns the address of each function that it defines, except internal ones.
 
     The first call for a text compiles, which takes some tenths of a second; if it is stored, later processes load
-    the result. The hash of the text is added to the names, because all code of a process shares one name space.
+    the result.
     """
     import llvmlite.binding as llvm
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.registry import cpu_target
 
-    key = _key(text)
-    names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)
-    codegen = cpu_target.target_context.codegen()
-    place = _CacheFile(f"{key}-object" if store else "", codegen)
-    target = _target_machine(*codegen.magic_tuple()[1:])
     # numba works with the same context of LLVM, which is not safe for threads.
     with global_compiler_lock:
+        if text in _engines:
+            return _engines[text][0]
+        codegen = cpu_target.target_context.codegen()
+        compiler = "".join(linecache.getlines(__file__))
+        place = _CacheFile(f"{_key(text + compiler)}-object" if store else "", codegen)
         code = place.load(bytes)
         if code is None:
-            code = _machine_code(re.sub(rf"@({'|'.join(names)})\(", rf"@\1_{key}(", text), target)
+            code = _machine_code(text, _target_machine(*codegen.magic_tuple()))
             place.save(code)
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        # An engine owns its target machine, and deletes it.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine(*codegen.magic_tuple()))
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
-        _loaded.append(engine)
-        return {name: engine.get_function_address(f"{name}_{key}") for name in names}
+        names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)
+        _engines[text] = {name: engine.get_function_address(name) for name in names}, engine
+        return _engines[text][0]
 
 
-#: Engines whose functions are called by address, kept so that they live as long as the process.
-_loaded: list[Any] = []
+#: Text -> addresses of its functions, and the engine that has their code, as long as the process lives.
+_engines: dict[str, tuple[Mapping[str, int], Any]] = {}
 
 
 def _machine_code(text: str, target: Any) -> bytes:
     """Object file of LLVM assembly.
 
-    Optimised once, without vectorisation: the functions are straight-line code. numba's own pipeline, which optimises
-    twice, takes twice the time for the same code.
+    Optimised once, without vectorisation: the only loop, over the columns of sensitivities, gains nothing by it.
+    numba's own pipeline optimises twice.
     """
     import llvmlite.binding as llvm
 
@@ -187,15 +189,17 @@ def _machine_code(text: str, target: Any) -> bytes:
     return cast(bytes, target.emit_object(module))
 
 
-@cache
-def _target_machine(cpu: str, features: str) -> Any:
-    """A processor by the names that numba uses, also where its settings name another one than this."""
+def _target_machine(triple: str, cpu: str, features: str) -> Any:
+    """Target machine for the processor that numba compiles for; NUMBA_CPU_NAME may set another one than this."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    triple = llvm.Target.from_default_triple()
-    return triple.create_target_machine(cpu=cpu, features=features, opt=3, codemodel="jitdefault")
+    target = llvm.Target.from_triple(triple)
+    reloc = "static" if target.name.startswith("x86") else "default"
+    return target.create_target_machine(
+        cpu=cpu, features=features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
+    )
 
 
 def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:

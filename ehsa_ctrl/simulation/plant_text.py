@@ -226,7 +226,7 @@ class _Writer:
         """Advance the sensitivities S (state, column) over a step of the states: dS/dt = J S + F.
 
         It is the same Runge-Kutta step for the variational equations, so that S is the derivative of the numerical
-        solution. The Jacobians of all stages come first, then a loop over the columns, which LLVM vectorises.
+        solution. The Jacobians of all stages come first, then a loop over the columns.
         """
         n, entries = len(self.names), len(self.jacobian)
         arguments = [*STEP, "ptr noalias %S", "ptr noalias %F", "ptr %columns", "i64 %width"]

@@ -2,6 +2,7 @@
 
 import ctypes
 import errno
+import gc
 import hashlib
 import logging
 import os
@@ -10,6 +11,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from math import tanh
 from pathlib import Path
 
@@ -74,9 +76,9 @@ def test_a_second_start_loads_and_another_text_compiles(folder):
     assert start(TEXT.replace("2.0", "3.0")) == (63.0, 1)
 
 
-def saturated(x, *, store):
+def saturated(monkeypatch, x, *, store):
     """What a new process would do: the function of the assembly at x, called by its address."""
-    load_functions.cache_clear()
+    monkeypatch.setattr(compiled, "_engines", {})
     address = load_functions(ASSEMBLY, store=store)["saturated"]
     return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(address)(x)
 
@@ -84,26 +86,54 @@ def saturated(x, *, store):
 @pytest.mark.parametrize("store", [True, False])
 def test_functions_of_assembly_are_stored_if_asked(folder, monkeypatch, store):
     """Stored ones load without the compiler, others leave no file; both call the mathematical library."""
-    assert saturated(0.6, store=store) == tanh(0.3)
+    assert saturated(monkeypatch, 0.6, store=store) == tanh(0.3)
     assert len([*folder.glob("*.code")]) == store
     compile_again = compiled._machine_code
     calls = []
     monkeypatch.setattr(compiled, "_machine_code", lambda *given: calls.append(given) or compile_again(*given))
 
-    assert saturated(0.8, store=store) == tanh(0.4)
+    assert saturated(monkeypatch, 0.8, store=store) == tanh(0.4)
     assert len(calls) == (not store)
 
 
-def test_damaged_assembly_is_compiled_again(folder, caplog):
+def test_damaged_assembly_is_compiled_again(folder, monkeypatch, caplog):
     """Like the functions of a module."""
-    saturated(0.6, store=True)
+    saturated(monkeypatch, 0.6, store=True)
     file = kept(folder)
     whole = file.read_bytes()
     file.write_bytes(whole[:-1])
 
-    assert saturated(0.6, store=True) == tanh(0.3)
+    assert saturated(monkeypatch, 0.6, store=True) == tanh(0.3)
     assert file.read_bytes() == whole
     assert "compiling again" in caplog.text
+
+
+def test_an_interrupt_while_code_is_loaded_does_no_harm(folder, monkeypatch):
+    """The engine that was begun is deleted with what it owns; the next call begins anew."""
+    import llvmlite.binding as llvm
+
+    def interrupted(code):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(llvm.ObjectFileRef, "from_data", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            saturated(monkeypatch, 0.6, store=False)
+    gc.collect()
+
+    assert saturated(monkeypatch, 0.6, store=False) == tanh(0.3)
+
+
+def test_threads_that_start_together_compile_once(folder, monkeypatch):
+    """Also where nothing is stored."""
+    monkeypatch.setattr(compiled, "_engines", {})
+    compile_it, calls = compiled._machine_code, []
+    monkeypatch.setattr(compiled, "_machine_code", lambda *given: calls.append(given) or compile_it(*given))
+
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda _: load_functions(ASSEMBLY, store=False)["saturated"], range(8)))
+
+    assert len(set(found)) == len(calls) == 1
 
 
 @needs_owners

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.core.compiled import load_functions
+from ehsa_ctrl.core import compiled
 from ehsa_ctrl.diagnosis.law.free_run import kept_effect
 from ehsa_ctrl.physics.effects import LawFile
 from ehsa_ctrl.simulation.plant_code import plant_code
@@ -62,10 +62,10 @@ def test_a_law_that_is_only_tried_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.setenv("EHSA_CTRL_CACHE", str(tmp_path))
     # Another test may have compiled the same plant in this process.
     plant_code.cache_clear()
-    load_functions.cache_clear()
+    monkeypatch.setattr(compiled, "_engines", {})
     definition = {
-        "schema": 1, "status": "proposed", "summary": "drag", "adds_to": "force", "expression": "c_tried * v * abs(v)",
-        "parameters": {"c_tried": {"value": 3.0, "unit": "N s2/m2", "neutral": 0.0}},
+        "schema": 1, "status": "proposed", "summary": "drag", "adds_to": "force", "expression": "c_tried * v * v * v",
+        "parameters": {"c_tried": {"value": 3.0, "unit": "N s3/m3", "neutral": 0.0}},
     }  # fmt: skip
     plant = ehsa_ctrl.load_plant("emps")
 
