@@ -97,7 +97,7 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
         return Comparison(name, *names, None, ABSENT)
     reference = Reference.of(scoring)
     ahead = (given.deviance - true.deviance) / reference.margin(min(given, true, key=lambda one: one.deviance))
-    selected = select_model([given, true], reference, THRESHOLD).chosen is true
+    selected = select_model([given, true], reference).chosen is true
     why = SEARCH if selected else SELECTION if ahead > 1.0 else UNTOLD if ahead > -1.0 else OTHER
     return Comparison(name, *names, ahead, why)
 

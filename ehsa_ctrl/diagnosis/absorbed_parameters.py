@@ -17,7 +17,7 @@ from .candidate_effects import with_parameters
 from .hypothesis_model import Setting
 from .hypothesis_search import Hypotheses, Task
 from .local_search import MAX_CAUSES
-from .model_selection import Reference, Selection, selection_of
+from .model_selection import Reference, Selection, dominates, selection_of
 from .objective import NominalParameters
 from .refit import refit_until_converged
 from .scoring import CauseKey, ScoredHypothesis, Scoring, exact_members
@@ -34,11 +34,11 @@ CLEARLY = 3.0
 
 
 def with_absorbed_parameters(
-    selection: Selection, hypotheses: Hypotheses, scoring: Scoring, reference: Reference, threshold: float
+    selection: Selection, hypotheses: Hypotheses, scoring: Scoring, reference: Reference
 ) -> tuple[Selection, Hypotheses]:
     """The selection with those wrong nominal parameters as causes that its refit would hide.
 
-    The causes are fitted with all other parameters at their nominal values. While that leaves a gap of `threshold`
+    The causes are fitted with all other parameters at their nominal values. While that leaves a gap of the threshold
     or more beyond the floor on the training data, the parameter is added that closes most of it; where it takes more
     than MAX_ABSORBED, the form of a cause is wrong rather than the parameters. Added parameters are as probable as the
     least probable cause. A set with no more causes than there are then takes their place if it fits better and hides
@@ -53,12 +53,12 @@ def with_absorbed_parameters(
         return largest_beyond(scoring.training.gap(values), reference.floors[0])
 
     def hides_nothing(one: ScoredHypothesis) -> bool:
-        return left(_alone(one, hypotheses, scoring)) < threshold
+        return left(_alone(one, hypotheses, scoring)) < reference.threshold
 
     if hides_nothing(chosen):
         return selection, hypotheses
-    added, rest = _hidden(chosen, scoring, left, threshold)
-    if not added or rest >= threshold:
+    added, rest = _hidden(chosen, scoring, left)
+    if not added or rest >= reference.threshold:
         return selection, hypotheses
     ids, values = scoring.ids, chosen.fit.values
     members = with_parameters(
@@ -74,7 +74,10 @@ def with_absorbed_parameters(
     rivals = [
         one
         for one in selection.ranked
-        if one.causes and one.deviance < best.deviance and len(one.causes) <= len(chosen.causes) + len(added)
+        if one.causes
+        and one.deviance < best.deviance
+        and len(one.causes) <= len(chosen.causes) + len(added)
+        and not dominates(chosen, one, reference)
     ]
     for rival in rivals[:RIVALS]:
         if hides_nothing(rival):
@@ -142,7 +145,7 @@ def _alone(one: ScoredHypothesis, hypotheses: Hypotheses, scoring: Scoring) -> S
 
 
 def _hidden(
-    chosen: ScoredHypothesis, scoring: Scoring, left: Callable[[Setting], float], threshold: float
+    chosen: ScoredHypothesis, scoring: Scoring, left: Callable[[Setting], float]
 ) -> tuple[dict[CauseKey, set[str]], float]:
     """The parameters that the refit hides, by the effect that stands for them, and the gap left with them."""
     values = chosen.fit.values
@@ -154,7 +157,7 @@ def _hidden(
     added: dict[CauseKey, set[str]] = {}
     names, rest = set(of_causes), rest_with(of_causes)
     room = min(MAX_ABSORBED, MAX_CAUSES - len(chosen.causes))
-    while others and len(added) < room and rest >= threshold:
+    while others and len(added) < room and rest >= scoring.threshold:
         rests = {key: rest_with(names | own) for key, own in others.items()}
         best = min(rests, key=lambda key: rests[key])
         rest = rests[best]

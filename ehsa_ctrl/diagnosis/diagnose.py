@@ -154,17 +154,17 @@ def diagnose(
         hypotheses, scoring, windows if all_data else None, windows or searched
     )
     reference = Reference.of(scoring)
-    selection = select_model(scores, reference, threshold)
+    selection = select_model(scores, reference)
     if not lumped:
-        selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
+        selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference)
         if all_data:
             # After a search on a stretch, its refits to all training data took 70 of 175 s on a log of 400 s.
             selection, hypotheses, scores = search_from_selection(
-                selection, scores, hypotheses, scoring, reference, threshold, windows or searched
+                selection, scores, hypotheses, scoring, reference, windows or searched
             )
     pool.progress.begin(1.0 - pool.progress.end)
     pool.progress.report("sizes", 0.0)
-    selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference, threshold)
+    selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference)
     selection, sd = with_sizes(selection, scoring, pool.jobs)
     selection = with_determined_parameters(selection, sd, scoring)
     sd = of_causes(selection, scoring, sd)

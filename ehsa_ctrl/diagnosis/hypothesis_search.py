@@ -1,9 +1,7 @@
 """Search for the effects that explain a log: screening, refits, then sets of two and three effects.
 
-The screening predicts by how much the cost falls if a candidate is added and all nominal parameters are refitted: a
-score test with the nuisance parameters projected out, from one simulation per parameter. The best candidates are
-refitted in free run. Sets of two and three grow from several of the best smaller sets, so that a wrong first choice can
-be corrected.
+The screening ranks the candidates, and the best are refitted in free run. Sets of two and three grow from several of
+the best smaller sets, so that a wrong first choice can be corrected.
 """
 
 from __future__ import annotations
@@ -275,7 +273,8 @@ def _grow_sets(hypotheses: Hypotheses, screening: Screening, size: int) -> Hypot
     if not best:
         return hypotheses
     explained = TEMPER * hypotheses.objective.loss(hypotheses.residual) - best[0].cost
-    if screening.gains(best[0])[0].decrease < MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0):
+    gains = screening.gains(best[0])
+    if not gains or gains[0].decrease < MIN_GAIN + MIN_GAIN_SHARE * max(explained, 0.0):
         return hypotheses
     tasks: list[Task] = []
     seen = Counter(hypotheses.fits.keys())

@@ -19,6 +19,10 @@ MARGIN, MARGIN_UNEXPLAINED, MARGIN_EXPLAINED = 12.0, 0.3, 0.004
 #: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share of
 #: what the larger set explains, and by more than the margin, with the second share in place of MARGIN_EXPLAINED.
 MIN_DECREASE, MIN_DEVIANCE_SHARE, MARGIN_ADDED = 0.5, 0.003, 0.003
+#: A set dominates another one if it has no more causes and leaves less than this share of its gap, on training and on
+#: held-out data, and both are smaller by MIN_DECREASE. The robust loss alone might prefer the other one: it gives
+#: little weight to large errors in a few blocks, since these may be slips that the simulation missed.
+DOMINATED = 1.0 / 3.0
 #: The catalogue does not explain the log if the best set leaves this share of the training gap and residuals whose mean
 #: square exceeds that of noise by EXCESS;
 LEFT, EXCESS = 0.25, 0.3
@@ -69,7 +73,8 @@ class Reference:
 
     noise, nominal: deviance of noise alone and of the nominal model. training_gap: total gap of the nominal model on
     training data. noise_square: mean square of residuals due to noise. floors: gap that the best possible model leaves
-    on training and on held-out data. nominal_gaps: total gap of the nominal model on both.
+    on training and on held-out data. nominal_gaps: total gap of the nominal model on both. threshold: smallest relevant
+    gap.
     """
 
     noise: float
@@ -78,6 +83,7 @@ class Reference:
     noise_square: float
     floors: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {})
     nominal_gaps: tuple[float, float] = (1.0, 1.0)
+    threshold: float = 0.03
 
     @classmethod
     def of(cls, scoring: Scoring) -> Reference:
@@ -88,7 +94,7 @@ class Reference:
         segments = scoring.training, scoring.held_out
         floors = [floor_of(segment, one) for segment, one in zip(segments, scoring.input_noise, strict=True)]
         gaps = training_gap, scoring.held_out.gap({})["total"]
-        return cls(noise, nominal, training_gap, scoring.noise_square, (floors[0], floors[1]), gaps)
+        return cls(noise, nominal, training_gap, scoring.noise_square, (floors[0], floors[1]), gaps, scoring.threshold)
 
     def unexplained(self, one: ScoredHypothesis) -> float:
         """Deviance above that of noise."""
@@ -114,24 +120,39 @@ class Reference:
         return MARGIN + MARGIN_UNEXPLAINED * self.unexplained(one) + share * max(self.nominal - one.deviance, 0.0)
 
 
-def select_model(scores: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> Selection:
-    """Select the causes from scored hypotheses. threshold: smallest relevant gap."""
+def select_model(scores: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
+    """Select the causes from scored hypotheses."""
     ranked = rank(scores)
     with_causes = [one for one in ranked if one.causes] or ranked
-    chosen = _select_smallest(with_causes, reference, threshold)
-    return selection_of(_select_simplest(with_causes, chosen, reference.margin(chosen)), ranked, reference)
+    chosen = _select_smallest(with_causes, reference)
+    chosen = _select_simplest(with_causes, chosen, reference.margin(chosen))
+    while better := [one for one in with_causes if dominates(one, chosen, reference)]:
+        chosen = better[0]
+    return selection_of(chosen, ranked, reference)
 
 
 def selection_of(chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
-    """The selection of a hypothesis among others, the best of each set of causes first."""
-    with_causes = [one for one in ranked if one.causes] or ranked
+    """The selection of a hypothesis among others, the best of each set of causes first.
+
+    Sets that it dominates are no alternatives, and have no probability.
+    """
+    with_causes = [one for one in ranked if one.causes and not dominates(chosen, one, reference)] or ranked
     alternatives = _alternatives(chosen, with_causes, reference.margin(chosen))
     probability = _probability(with_causes, chosen, reference)
     verdict = _verdict(chosen, alternatives)
     return Selection(verdict, chosen, alternatives, probability, tuple(ranked), _misfit(chosen, reference))
 
 
-def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, threshold: float) -> ScoredHypothesis:
+def dominates(one: ScoredHypothesis, other: ScoredHypothesis, reference: Reference) -> bool:
+    """Whether a hypothesis leaves a much smaller gap than another one, with no more causes; see DOMINATED."""
+    pairs = (other.training_gap, one.training_gap), (other.held_out_gap, one.held_out_gap)
+    return 0 < len(one.causes) <= len(other.causes) and all(
+        after["total"] < DOMINATED * before["total"] and _decrease(before, after) >= MIN_DECREASE * reference.threshold
+        for before, after in pairs
+    )
+
+
+def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference) -> ScoredHypothesis:
     """The smallest set of causes that no larger set improves on by a relevant amount."""
     best: dict[int, ScoredHypothesis] = {}
     for one in ranked:
@@ -140,17 +161,19 @@ def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference, t
     return next(
         one
         for i, one in enumerate(by_size)
-        if not any(_improves(larger, one, reference, threshold) for larger in by_size[i + 1 :])
+        if not any(_improves(larger, one, reference) for larger in by_size[i + 1 :])
     )
 
 
-def _improves(larger: ScoredHypothesis, one: ScoredHypothesis, reference: Reference, threshold: float) -> bool:
+def _improves(larger: ScoredHypothesis, one: ScoredHypothesis, reference: Reference) -> bool:
     """Whether a larger set of causes is better by a relevant amount, see MIN_DECREASE."""
     gained = one.deviance - larger.deviance
     if gained <= reference.margin(larger, MARGIN_ADDED):
         return False
     decrease = max(_decrease(one.training_gap, larger.training_gap), _decrease(one.held_out_gap, larger.held_out_gap))
-    return decrease >= MIN_DECREASE * threshold or gained >= MIN_DEVIANCE_SHARE * (reference.nominal - larger.deviance)
+    return decrease >= MIN_DECREASE * reference.threshold or gained >= MIN_DEVIANCE_SHARE * (
+        reference.nominal - larger.deviance
+    )
 
 
 def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, margin: float) -> ScoredHypothesis:

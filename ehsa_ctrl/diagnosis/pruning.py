@@ -25,7 +25,6 @@ def prune(
     hypotheses: Hypotheses,
     scoring: Scoring,
     reference: Reference,
-    threshold: float,
 ) -> tuple[Selection, Hypotheses, list[ScoredHypothesis]]:
     """The selection among all scored hypotheses and those with one cause less than the selected; with these added."""
     scores, tried = list(scores), set[Key]()
@@ -45,9 +44,9 @@ def prune(
             break
         hypotheses = hypotheses.with_refits(tasks, "sets with one cause less", steps=6, renew_after=2)
         scores += new_scores(hypotheses, scoring, hypotheses.fits_of(tasks), scores)
-        again = select_model(scores, reference, threshold)
+        again = select_model(scores, reference)
         smaller = len(again.chosen.causes) < len(chosen.causes)
-        if smaller and _costs(chosen, again.chosen) > MAX_LARGER * threshold:
+        if smaller and _costs(chosen, again.chosen) > MAX_LARGER * reference.threshold:
             break
         selection = again
         if not smaller:

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ..physics.effects import CandidateEffect, FreeNumber
 from .hypothesis_model import Setting
@@ -138,12 +139,15 @@ class Screening:
         N, r, own = fit.jacobian, fit.residual, fit.n_effect
         ridge = np.where(np.arange(len(fit.free)) < own, RIDGE, 1.0)
         prior = np.array([*np.zeros(own), *((fit.values[f.name] - f.nominal) / f.scale for f in fit.free[own:])])
-        covariance = np.linalg.inv(TEMPER * (N.T @ N) + np.diag(ridge))
-        across = TEMPER * (N.T @ self.columns)
-        there = TEMPER * (N.T @ r) + ridge * prior
-        response = covariance @ across
-        gradient = TEMPER * (self.columns.T @ r) - response.T @ there
-        found = self._products - across.T @ response, gradient, covariance, response, covariance @ there, prior
+        # By Cholesky's factor: two effects of the fit may be nearly the same, and an inverse would lose what differs.
+        L = np.linalg.cholesky(TEMPER * (N.T @ N) + np.diag(ridge))
+        inverse, across, there = (
+            solve_triangular(L, right, lower=True)
+            for right in (np.eye(len(L)), TEMPER * (N.T @ self.columns), TEMPER * (N.T @ r) + ridge * prior)
+        )
+        products = self._products - across.T @ across
+        gradient = TEMPER * (self.columns.T @ r) - across.T @ there
+        found = products, gradient, inverse.T @ inverse, inverse.T @ across, inverse.T @ there, prior
         return _Projection(*(np.pad(one, (0, 1)) for one in found))
 
 

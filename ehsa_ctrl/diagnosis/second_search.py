@@ -26,7 +26,6 @@ def search_from_selection(
     hypotheses: Hypotheses,
     scoring: Scoring,
     reference: Reference,
-    threshold: float,
     searched: Segment,
 ) -> tuple[Selection, Hypotheses, list[ScoredHypothesis]]:
     """The selection among all scored hypotheses and those near the selected one; with these added.
@@ -42,7 +41,7 @@ def search_from_selection(
         hypotheses = hypotheses.with_compared_refits(near, "neighbouring sets")
         found = new_scores(hypotheses, scoring, hypotheses.fits_of(near), scores)
         scores += found
-        again = select_model(scores, reference, threshold)
+        again = select_model(scores, reference)
         if not any(one is again.chosen for one in found):
             # Pruning may have refused the known set that is selected here: the choice stays, with more alternatives.
             selection = selection_of(chosen, again.ranked, reference)
@@ -50,5 +49,5 @@ def search_from_selection(
         selection = again
         if selection.chosen.label == chosen.label and selection.chosen.deviance > chosen.deviance - MARGIN:
             break
-        selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference, threshold)
+        selection, hypotheses, scores = prune(selection, scores, hypotheses, scoring, reference)
     return selection, hypotheses, scores

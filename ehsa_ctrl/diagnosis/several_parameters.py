@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.effects import CandidateEffect
 from .candidate_effects import with_parameters
-from .hypothesis_search import N_REFINE, Hypotheses, Task, distinct_tasks
+from .hypothesis_search import MIN_ADDED_GAIN, N_REFINE, Hypotheses, Task, distinct_tasks
 from .local_search import MAX_CAUSES
 from .objective import TEMPER, Objective
 from .records import Segment
@@ -84,7 +84,7 @@ def _grow(
         for gain in screening.gains(base):
             candidate = gain.candidate
             form = candidate.key, candidate.names
-            if gain.decrease < 2.0 or form not in keys or form in seen:
+            if gain.decrease < MIN_ADDED_GAIN or form not in keys or form in seen:
                 continue
             seen.add(form)
             members = (*base.candidates, candidate)

@@ -49,7 +49,7 @@ def named(problem, *scored):
     """Ids of the causes where the first hypothesis is selected."""
     hypotheses, scoring, reference = problem
     selection = selection_of(scored[0], scored, reference)
-    after, _ = with_absorbed_parameters(selection, hypotheses, scoring, reference, THRESHOLD)
+    after, _ = with_absorbed_parameters(selection, hypotheses, scoring, reference)
     assert set(after.chosen.own_gaps) >= set(after.chosen.causes) and set(after.probability) >= set(after.chosen.causes)
     return [id for id, _ in after.chosen.causes]
 

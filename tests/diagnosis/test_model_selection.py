@@ -29,7 +29,7 @@ def hypothesis(evidence, *ids, gap=0.005, own=0.1, numbers=1, chi=0.86, slow=NOT
 
 def verdict(*scores, least=5000.0, most=60000.0):
     """Verdict of hypotheses, with the ids of the chosen one."""
-    found = select_model(scores, Reference(least, most, 0.1, 0.74), 0.03)
+    found = select_model(scores, Reference(least, most, 0.1, 0.74))
     return found.verdict, {id for id, _ in found.chosen.causes}, found
 
 
@@ -79,6 +79,53 @@ def test_a_larger_set_is_not_chosen_over_one_that_explains_as_much():
     assert len(verdict(one, two, four, least=5400.0)[1]) == 2
 
 
+def test_a_set_that_leaves_a_much_larger_gap_is_left_out():
+    """The robust loss counts large errors in few blocks for little, the gap counts them in full."""
+    few_blocks = hypothesis(5000.0, "windage", "drive_lag", gap=0.12)
+    right = hypothesis(5140.0, "line_pressure_drop", "drive_lag", gap=0.02)
+    single = hypothesis(5140.0, "line_pressure_drop", gap=0.02)
+
+    _, ids, found = verdict(few_blocks, right, least=4000.0)
+
+    assert ids == {"line_pressure_drop", "drive_lag"}
+    assert ("windage", None) not in found.probability
+    assert found.alternatives["line_pressure_drop", None] == ()
+    assert found.ranked == (few_blocks, right)
+    assert verdict(few_blocks, single, least=4000.0)[1] == {"line_pressure_drop"}
+
+
+def test_no_set_wins_because_a_better_one_is_left_out():
+    """The set that takes the place of another one is that which leaves the smaller gap, not a third one."""
+    few_blocks = hypothesis(5000.0, "windage", "drive_lag", gap=0.12)
+    single = hypothesis(6500.0, "windage", gap=0.13)
+    right = hypothesis(9000.0, "line_pressure_drop", "rod_friction", gap=0.02)
+
+    assert verdict(few_blocks, single, right)[1] == {"line_pressure_drop", "rod_friction"}
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        hypothesis(5140.0, "line_pressure_drop", "drive_lag", gap=0.05),
+        hypothesis(5140.0, "line_pressure_drop", "drive_lag", "rod_friction", gap=0.02),
+        hypothesis(5140.0, gap=0.02),
+    ],
+    ids=["less than half", "larger", "no cause"],
+)
+def test_the_deviance_decides_between_sets_whose_gaps_are_alike(other):
+    """So it does where the set that leaves less has more causes, or none."""
+    best = hypothesis(5000.0, "windage", "drive_lag", gap=0.12)
+
+    assert verdict(best, other)[1] == {"windage", "drive_lag"}
+
+
+def test_gaps_far_below_the_threshold_leave_no_set_out():
+    """There noise decides which is a third of the other."""
+    best = hypothesis(5000.0, "bulk_modulus", gap=0.006)
+
+    assert verdict(best, hypothesis(5140.0, "hose_wall", gap=0.001))[1] == {"bulk_modulus"}
+
+
 def test_what_none_explains_is_a_misfit():
     """The best leaves nearly half of the gap, and residuals half as large again as noise."""
     assert misfits(hypothesis(17000.0, "motor_friction", gap=0.045, chi=1.3))
@@ -109,7 +156,7 @@ def test_what_noise_of_the_current_makes_is_no_sign():
     lost = hypothesis(5200.0, "motor_friction", gap=0.045, chi=1.3)
 
     def misfit(input_noise):
-        return select_model([lost], Reference(5000.0, 60000.0, 0.1, 0.74, ({"total": input_noise}, {})), 0.03).misfit
+        return select_model([lost], Reference(5000.0, 60000.0, 0.1, 0.74, ({"total": input_noise}, {}))).misfit
 
     assert misfit(0.0) > 1.0 > misfit(0.044)
 

@@ -44,9 +44,9 @@ def test_a_cause_that_the_log_does_not_need_is_dropped(segments):
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, THRESHOLD, lumped=False)
     scores = [scoring.score(fit) for fit in hypotheses.fits.values()]
     reference = Reference.of(scoring)
-    before = select_model(scores, reference, THRESHOLD)
+    before = select_model(scores, reference)
 
-    after, _, all_scores = prune(before, scores, hypotheses, scoring, reference, THRESHOLD)
+    after, _, all_scores = prune(before, scores, hypotheses, scoring, reference)
 
     assert {id for id, _ in before.chosen.causes} == {"payload_mass", "rod_viscous_friction"}
     assert [id for id, _ in after.chosen.causes] == ["payload_mass"]
@@ -65,9 +65,9 @@ def test_a_smaller_set_that_was_fitted_badly_before_is_fitted_again(segments):
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, THRESHOLD, lumped=False)
     scores = [scoring.score(fit) for fit in hypotheses.fits.values()]
     reference = Reference.of(scoring)
-    before = select_model(scores, reference, THRESHOLD)
+    before = select_model(scores, reference)
 
-    after, _, _ = prune(before, scores, hypotheses, scoring, reference, THRESHOLD)
+    after, _, _ = prune(before, scores, hypotheses, scoring, reference)
 
     assert len(before.chosen.causes) == 2 and [id for id, _ in after.chosen.causes] == ["payload_mass"]
     assert after.chosen.fit.values["M"] == pytest.approx(true, rel=0.01)

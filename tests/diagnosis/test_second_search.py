@@ -44,7 +44,7 @@ class Start:
         """Selection afterwards, and the numbers of new scores and of simulations."""
         runs = self.objective.count.total
         after, _, found = search_from_selection(
-            selection, self.scores, self.hypotheses, self.scoring, self.reference, THRESHOLD, self.segments.training
+            selection, self.scores, self.hypotheses, self.scoring, self.reference, self.segments.training
         )
         return after, len(found) - len(self.scores), self.objective.count.total - runs
 
@@ -56,7 +56,7 @@ def selected(carriage_segments):
 
     def search(*ids):
         start = Start(segments, ids)
-        before = select_model(start.scores, start.reference, THRESHOLD)
+        before = select_model(start.scores, start.reference)
         return before, *start.search(before)
 
     return search
@@ -65,13 +65,13 @@ def selected(carriage_segments):
 def test_a_set_that_was_known_before_is_not_selected(carriage_segments, monkeypatch):
     """Pruning refuses a smaller set that leaves a larger gap: selecting among all scores again would undo that."""
     start = Start(carriage_segments(LATE), ("payload_mass",), BOTH)
-    ranked = select_model(start.scores, start.reference, THRESHOLD).ranked
+    ranked = select_model(start.scores, start.reference).ranked
     known, chosen = (next(one for one in ranked if len(one.causes) == size) for size in (2, 1))
     monkeypatch.setattr(second_search, "neighbours", lambda *_: [])
 
     after, more, _ = start.search(selection_of(chosen, ranked, start.reference))
 
-    assert select_model(start.scores, start.reference, THRESHOLD).chosen is known
+    assert select_model(start.scores, start.reference).chosen is known
     assert after.chosen is chosen and after.ranked == ranked and more == 0
 
 
