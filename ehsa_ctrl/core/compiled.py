@@ -156,12 +156,13 @@ def load_functions(text: str, *, store: bool = True) -> Mapping[str, int]:
         codegen = cpu_target.target_context.codegen()
         compiler = "".join(linecache.getlines(__file__))
         place = _CacheFile(f"{_key(text + compiler)}-object" if store else "", codegen)
+        # Not kept for the next text: the engine owns its target machine, and deletes it.
+        target = _target_machine(*codegen.magic_tuple())
         code = place.load(bytes)
         if code is None:
-            code = _machine_code(text, _target_machine(*codegen.magic_tuple()))
+            code = _machine_code(text, target)
             place.save(code)
-        # An engine owns its target machine, and deletes it.
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine(*codegen.magic_tuple()))
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
         names = re.findall(r"^define double @(\w+)\(", text, re.MULTILINE)

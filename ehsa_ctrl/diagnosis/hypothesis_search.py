@@ -103,9 +103,8 @@ class Hypotheses:
 
     def screening(self, fit: HypothesisFit | None = None) -> Screening:
         """Responses to all candidates at the values of a fit, at those of the nominal plant by default."""
-        known = fit or self.nominal
-        at = {} if fit is None else fit.values
-        return screen(self.objective, self.candidates, self.pool, known.residual, at)
+        residual, at = (self.residual, {}) if fit is None else (fit.residual, fit.values)
+        return screen(self.objective, self.candidates, self.pool, residual, at)
 
     @property
     def sizes(self) -> list[int]:
