@@ -228,16 +228,6 @@ def cached_njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]
     return decorate
 
 
-def entry_of(function: Any) -> Callable[..., Any]:
-    """The machine code of a function of `cached_njit` with a signature, for arguments that the function has accepted.
-
-    It saves numba's look-up of their types, 0.1 ms a call where one is a function: more than a controller's step. With
-    an argument of another type it may crash.
-    """
-    (compiled,) = function.overloads.values()
-    return cast(Callable[..., Any], compiled.entry_point)
-
-
 class _Cache:
     """Cache of one function, with the interface that numba's dispatcher expects."""
 

@@ -44,7 +44,7 @@ class Controller(Protocol):
     ----------
     name: name in tables and files.
     sample_time: the sample time that it is designed for [s].
-    compiled: the step as a numba-compiled function with the signature
+    compiled: the step as a function of numba.njit for the signature
         float64(float64[::1], float64[::1], float64[::1], float64[::1]), arguments as in `step` and the settings last;
         None if it has only a step in Python.
     traces: name -> index of the entries of its memory that are recorded at each sample.

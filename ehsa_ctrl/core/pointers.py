@@ -6,7 +6,9 @@ up to a fifth of the run; passing a pointer costs nothing. Pointers are indexed 
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 from numba import types
 from numba.core import cgutils
@@ -63,3 +65,42 @@ def call(context: Any, address: Any, *arguments: Any) -> Any:
         return builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
 
     return types.float64(types.int64, types.StarArgTuple(arguments)), generate
+
+
+def address_of(function: Any, signature: Any) -> int:
+    """Address of a compiled function for this signature, compiling it if need be; for `function_at`.
+
+    It is looked up once: Ctrl-C at a bad moment of a look-up would leave LLVM's lock closed to all other threads.
+    """
+    if not hasattr(function, "get_compile_result"):
+        raise TypeError(f"{type(function).__name__} is no function of numba.njit")
+    known = _addresses.setdefault(function, {})
+    if signature not in known:
+        found = function.get_compile_result(signature)
+        known[signature] = int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+    return known[signature]
+
+
+#: Compiled function -> its signatures -> their addresses, which are valid as long as the function is there.
+_addresses: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
+
+
+def function_at(signature: Any) -> Callable[[int], Any]:
+    """The compiled function with this signature at an address (not 0), as a value to call; it may raise.
+
+    A function as an argument would be simpler, but numba looks up its address at every call, in Python: it takes
+    0.1 ms, more than a controller's step, and Ctrl-C in it becomes a TypeError.
+    """
+    kind = types.FunctionType(signature)
+
+    @intrinsic
+    def at(context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, called_as: Any, args: Any) -> Any:
+            function = cgutils.create_struct_proxy(kind)(context, builder)
+            function.jit_addr = builder.inttoptr(args[0], function.jit_addr.type)
+            function.c_addr = function.py_addr = cgutils.get_null_value(function.c_addr.type)
+            return function._getvalue()
+
+        return kind(types.int64), generate
+
+    return cast(Callable[[int], Any], at)

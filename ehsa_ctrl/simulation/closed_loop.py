@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.compiled import entry_of
 from ..core.controller_interface import MEASURED, REFERENCE, REFERENCE_FORCE, Controller
 from ..core.errors import InputError, SimulationError
 from ..core.result import Result
@@ -174,22 +171,29 @@ def run_closed_loop(
     memory, settings = (_own_numbers(controller, of) for of in ("initial_memory", "settings"))
     traced = np.array(list(controller.traces.values()), dtype=np.int64)
     traces = np.full((samples, traced.size), np.nan)
-    from .closed_loop_kernel import closed_loop
+    from numba.core.errors import NumbaError
+
+    from ..core.pointers import address_of
+    from .closed_loop_kernel import CONTROLLER, closed_loop
 
     code = plant_code(plant.structure.equations)
-    # The first call checks the types of the arguments, which stay the same objects.
-    advance = chain([closed_loop], repeat(entry_of(closed_loop)))
     step = controller.compiled if compiled is None or compiled else None
-    parameters, law = plant.vector, step or _idle()
+    try:
+        parameters, law = plant.vector, 0 if step is None else address_of(step, CONTROLLER)
+    except (TypeError, NumbaError) as error:
+        raise InputError(
+            f"controller {controller.name}: compiled can't be used ({str(error).splitlines()[0]}); expected a function "
+            "of numba.njit that takes four arrays (k,) of float64 and returns a float"
+        ) from None
 
     def run(stop: int) -> int:
         """Advance the engine to sample stop - 1. It returns now and then, so that Python can handle an interrupt."""
         status = UNFINISHED
         while status == UNFINISHED:
-            status = next(advance)(
-                *code.arguments, stop, parameters, state, mode, carry, step is not None, law, settings, memory,
-                reference, outer, scale, noise, resolution, delay, weights, int(lag), dt, tolerance, states, modes,
-                true, filtered, measured, asked, extremes, fault, ceiling, traced, traces,
+            status = closed_loop(
+                *code.arguments, stop, parameters, state, mode, carry, law, settings, memory, reference, outer, scale,
+                noise, resolution, delay, weights, int(lag), dt, tolerance, states, modes, true, filtered, measured,
+                asked, extremes, fault, ceiling, traced, traces,
             )  # fmt: skip
         return status
 
@@ -242,30 +246,3 @@ def _own_numbers(controller: Controller, of: str) -> np.ndarray:
         return found
     what = f"an array {found.shape} of {found.dtype}" if isinstance(found, np.ndarray) else type(found).__name__
     raise InputError(f"controller {controller.name}: {of}() returns {what}; expected an array (k,) of float64")
-
-
-@lru_cache(maxsize=1)
-def _idle() -> Any:
-    """A compiled controller without output, which the engine needs as an argument while the caller steps a Python one.
-
-    It knows its address; for a plain compiled function numba would look up the address at every call.
-    """
-    import numba
-    from numba.core.types import WrapperAddressProtocol
-
-    vector = numba.float64[::1]
-    signature = numba.float64(vector, vector, vector, vector)
-    compiled = numba.cfunc(signature)(_no_current)
-
-    class Idle(WrapperAddressProtocol):
-        def __wrapper_address__(self) -> int:
-            return int(compiled.address or 0)
-
-        def signature(self) -> Any:
-            return signature
-
-    return Idle()
-
-
-def _no_current(reference: np.ndarray, measured: np.ndarray, memory: np.ndarray, settings: np.ndarray) -> float:
-    return 0.0

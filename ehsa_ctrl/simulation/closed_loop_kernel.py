@@ -8,10 +8,10 @@ from __future__ import annotations
 from math import isfinite, nan
 
 import numpy as np
-from numba import boolean, float64, int64, types
+from numba import float64, int64
 
 from ..core.compiled import cached_njit
-from ..core.pointers import BYTE_TABLE, TABLE, VECTOR, WORDS, call, pointer
+from ..core.pointers import BYTE_TABLE, TABLE, VECTOR, WORDS, call, function_at, pointer
 from .integrator import (
     CELL,
     CODE,
@@ -32,12 +32,14 @@ from .integrator import (
 # Cost of a controller's step, in steps of the plant: that of an MPC.
 STEPS_PER_CONTROL = 100
 
-CONTROLLER = types.FunctionType(float64(VECTOR, VECTOR, VECTOR, VECTOR))
+# Output of a controller from its reference, the measured values, its memory and its settings.
+CONTROLLER = float64(VECTOR, VECTOR, VECTOR, VECTOR)
+_controller_at = function_at(CONTROLLER)
 
 
 @cached_njit(
     int64(
-        *CODE, int64, VECTOR, VECTOR, VECTOR, VECTOR, boolean, CONTROLLER, VECTOR, VECTOR, TABLE, VECTOR, VECTOR,
+        *CODE, int64, VECTOR, VECTOR, VECTOR, VECTOR, int64, VECTOR, VECTOR, TABLE, VECTOR, VECTOR,
         TABLE, VECTOR, VECTOR, TABLE, int64, float64, float64, TABLE, BYTE_TABLE, TABLE, TABLE, TABLE, VECTOR, TABLE,
         BYTE_TABLE, VECTOR, WORDS, TABLE,
     ),
@@ -45,7 +47,7 @@ CONTROLLER = types.FunctionType(float64(VECTOR, VECTOR, VECTOR, VECTOR))
     nogil=True,
 )  # fmt: skip
 def closed_loop(
-    functions, shape, scales, stop, p, y, mode, carry, control, controller, settings, memory, reference, force, scale,
+    functions, shape, scales, stop, p, y, mode, carry, controller, settings, memory, reference, force, scale,
     noise, resolution, delay, weights, lag, dt, tol, states_out, modes_out, true, filtered, measured, asked, extremes,
     fault, ceiling, traced, traces,
 ):  # fmt: skip
@@ -54,15 +56,16 @@ def closed_loop(
     At each sample the controller gets its row of `reference` and the measured speed, p1, p2, position and force. A
     measurement is the true value, filtered by a first-order filter with these `weights` from steady state, `delay`
     samples ago (linear between samples), times `scale`, plus `noise`, rounded to `resolution`. The current acts `lag`
-    samples later, limited to `ceiling`, and is held. Without `control`, the caller writes `asked` between two calls. A
-    reading with `fault` 1 repeats the last value, with 2 it is lost (nan). `traces` records the entries `traced` of the
-    controller's memory.
+    samples later, limited to `ceiling`, and is held. `controller`: address of the controller's step; 0 if the caller
+    writes `asked` between two calls. A reading with `fault` 1 repeats the last value, with 2 it is lost (nan).
+    `traces` records the entries `traced` of the controller's memory.
     """
     n = shape[STATES]
     constants, scratch = np.empty(shape[CONSTANT_COUNT]), np.empty(work_size(shape))
     call(functions[CONSTANTS], pointer(p), pointer(constants))
     whole, part = dead_time(shape, p, dt)
     whole += lag
+    step = _controller_at(controller)
     status, spent = DONE, 0
     for k in range(int(carry[-1]), stop):
         # Within the loop: numba frees an array after its last use by name, and a pointer is none.
@@ -115,8 +118,8 @@ def closed_loop(
                 measured[k, i] = measured[k - 1, i]
             elif fault[k, i] == 2:
                 measured[k, i] = nan
-        if control:
-            asked[k] = controller(reference[k], measured[k], memory, settings)
+        if controller != 0:
+            asked[k] = step(reference[k], measured[k], memory, settings)
             if not isfinite(asked[k]):
                 status = NO_CURRENT
                 break

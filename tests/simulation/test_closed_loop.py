@@ -1,5 +1,6 @@
 """The sampled loop: compiled and plain controllers, sensors, delays, faults of sensors and drive."""
 
+import signal
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +35,27 @@ def test_plain_and_compiled_controller_are_one(plant, pid):
     assert np.array_equal(a.asked, b.asked) and np.array_equal(a.measured, b.measured)
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer's signal")
+def test_an_interrupt_arrives_as_itself(plant, pid):
+    """Ctrl-C at 40 moments of runs so short that starting them is most of the work."""
+    short = steps(3)
+    run_closed_loop(plant, pid, short)
+
+    def run_until_interrupted(after):
+        signal.setitimer(signal.ITIMER_REAL, after)
+        while True:
+            run_closed_loop(plant, pid, short)
+
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        for k in range(40):
+            with pytest.raises(KeyboardInterrupt):
+                run_until_interrupted(0.005 + 1.7e-4 * k)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
 def test_the_linear_loop_is_the_discrete_one(linear, pid):
     """Without limit and noise, the loop on the linear plant is the product of two discrete systems."""
     from scipy.signal import cont2discrete
@@ -60,7 +82,7 @@ class Given:
     current: np.ndarray
     name: str = "given"
     sample_time: float = 0.004
-    compiled: None = None
+    compiled: object = None
     traces = {"samples": 0}
 
     def settings(self):
@@ -83,6 +105,34 @@ def test_a_played_back_current_is_an_open_loop_run(plant):
 
     assert np.array_equal(loop.trajectory.states, simulate(plant, current).states)
     assert np.array_equal(loop.trajectory.cell_force, simulate(plant, current).cell_force)
+
+
+def test_a_compiled_step_that_is_none_is_one_sentence(plant):
+    """A plain function; a compiled one of three arguments; one that returns text."""
+    import numba
+
+    for step, says in (
+        (lambda *_: 0.0, "function is no function of numba.njit"),
+        (numba.njit(lambda reference, measured, memory: 0.0), "4 argument types given, but function takes 3"),
+        (numba.njit(lambda reference, measured, memory, settings: "1 A"), "returns a float"),
+    ):
+        with pytest.raises(InputError, match=says):
+            run_closed_loop(plant, Given(np.zeros(5), compiled=step), np.zeros((5, 3)))
+
+
+def test_what_a_compiled_step_raises_arrives(plant):
+    """An exception within the compiled loop is raised with its words."""
+    import numba
+
+    @numba.njit
+    def step(reference, measured, memory, settings):
+        if memory[0] > 2:
+            raise ValueError("no current any more")
+        memory[0] += 1
+        return 0.0
+
+    with pytest.raises(ValueError, match="no current any more"):
+        run_closed_loop(plant, Given(np.zeros(9), compiled=step), np.zeros((9, 3)))
 
 
 @pytest.mark.parametrize(
