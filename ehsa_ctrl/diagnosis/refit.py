@@ -13,8 +13,10 @@ from .hypothesis_model import Setting
 from .objective import STEP, TEMPER, Objective, RunCount
 from .records import Segment
 
-#: A thorough fit renews its Jacobian at most so often, and takes so many steps with each.
-MOST_ROUNDS, STEPS_A_ROUND = 6, 3
+#: A thorough fit renews its Jacobian at most so often, and takes at most so many steps with each.
+MOST_ROUNDS, STEPS_A_ROUND = 6, 20
+#: A step is tried so many times, each time shorter.
+TRIALS = 4
 
 
 @dataclass(frozen=True)
@@ -155,20 +157,27 @@ class _HypothesisProblem:
         renew_after: int = 0,
         *,
         exact: bool = False,
+        while_it_pays: bool = False,
     ) -> HypothesisFit:
-        """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
+        """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`.
+
+        exact: J was computed there. while_it_pays: the last step is the first that lowers the cost by less for each of
+        its simulations than all before together did, with those of the Jacobian: a new one pays better.
+        """
         fixed = [i for i, number in enumerate(self.free) if number.fixed]
         self.lower[fixed] = self.upper[fixed] = x[fixed]
         cost, damping, drop, gained, settled = self.cost(r, x), 1e-3, np.inf, False, False
         renewed = exact or not renew_after
+        spent, first = len(self.free), cost
         for step in range(steps):
             if step == renew_after and not renewed:
                 self.differentiate(range(len(self.free)), x, r, J)
                 exact = renewed = True
             w = self.objective.weights(r)
             G, g = self.normal_equations(J, r, x, w)
-            gained, settled = False, exact
-            for _ in range(4):
+            gained, settled, trials = False, exact, 0
+            while not gained and trials < TRIALS:
+                trials += 1
                 z = _bounded_step(G, g, damping, (self.lower - x) / self.scale, (self.upper - x) / self.scale)
                 trial = np.clip(x + z * self.scale, self.lower, self.upper)
                 z = (trial - x) / self.scale
@@ -183,9 +192,9 @@ class _HypothesisProblem:
                     drop = cost - c
                     x, r, cost = trial, new, c
                     damping = max(0.2 * damping, 1e-6)
-                    break
-                G, g = self.normal_equations(J, r, x, w)
-                damping = max(10.0 * damping, 1e-2)
+                else:
+                    G, g = self.normal_equations(J, r, x, w)
+                    damping = max(10.0 * damping, 1e-2)
             if not gained and not renewed:
                 # The Jacobian may be too far off: it was computed at another point and updated.
                 self.differentiate(range(len(self.free)), x, r, J)
@@ -193,6 +202,9 @@ class _HypothesisProblem:
                 damping = 1e-2
                 continue
             if not gained or drop < self.objective.converged:
+                break
+            spent += trials
+            if while_it_pays and drop * spent < (first - cost) * trials:
                 break
         settled = settled and (not gained or drop < self.objective.converged)
         return HypothesisFit(self.candidates, self.setting(x), cost, r, J, self.free, settled)
@@ -206,11 +218,13 @@ def refit(
     *,
     steps: int = 6,
     renew_after: int = 0,
+    while_it_pays: bool = False,
 ) -> HypothesisFit | None:
     """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
     sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. renew_after: number
-    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not).
+    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not). while_it_pays: see
+    `refine`.
 
     Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
     Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
@@ -227,16 +241,21 @@ def refit(
             J[:, i] = sensitivities[name] * problem.scale[i]
     missing = [i for i, name in enumerate(problem.names) if name not in sensitivities]
     problem.differentiate(missing, x, r, J)
-    return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free))
+    exact = len(missing) == len(problem.free)
+    return problem.fit(x, r, J, steps, renew_after, exact=exact, while_it_pays=while_it_pays)
 
 
-def refine(objective: Objective, fit: HypothesisFit, steps: int) -> HypothesisFit:
-    """Continue a fit with a new Jacobian."""
+def refine(objective: Objective, fit: HypothesisFit, steps: int, *, while_it_pays: bool = False) -> HypothesisFit:
+    """Continue a fit with a new Jacobian.
+
+    while_it_pays: the last step is the first that lowers the cost by less for each of its simulations than all before
+    together did, with those of the Jacobian: a new one pays better then.
+    """
     problem = _HypothesisProblem(objective, fit.candidates)
     x = np.array([fit.values[name] for name in problem.names])
     J = np.empty_like(fit.jacobian)
     problem.differentiate(range(len(problem.free)), x, fit.residual, J)
-    return problem.fit(x, fit.residual, J, steps, exact=True)
+    return problem.fit(x, fit.residual, J, steps, exact=True, while_it_pays=while_it_pays)
 
 
 def refit_until_converged(
@@ -249,11 +268,11 @@ def refit_until_converged(
 
     sensitivities: of a fit nearby, see `refit`.
     """
-    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND)
+    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND, while_it_pays=True)
     for _ in range(MOST_ROUNDS):
         if fit is None or fit.settled:
             break
-        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND)
+        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND, while_it_pays=True)
         if fit.cost > before - objective.converged:
             break
     return fit

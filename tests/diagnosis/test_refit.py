@@ -1,0 +1,85 @@
+"""Refits on functions with known minima in place of simulations."""
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ehsa_ctrl.diagnosis.objective import TEMPER
+from ehsa_ctrl.diagnosis.refit import refine, refit, refit_until_converged
+from ehsa_ctrl.physics.effects import FreeNumber
+
+
+class Valley:
+    """Rosenbrock's function of k numbers as an objective; `costs` records that of every simulation."""
+
+    def __init__(self, k, converged=1e-9):
+        free = tuple(FreeNumber(f"z_{i}", 0.0, 1.0) for i in range(k))
+        self.free, self.candidates, self.converged = free, (SimpleNamespace(free=free),), converged
+        self.costs = []
+
+    def free_numbers(self, candidates):
+        return self.free
+
+    def residuals(self, settings):
+        found = []
+        for setting in settings:
+            z = np.array([setting[one.name] for one in self.free])
+            found.append(np.concatenate([10.0 * (z[1:] - z[:-1] ** 2), 1.0 - z[:-1]]))
+            self.costs.append(TEMPER * self.loss(found[-1]))
+        return found
+
+    def loss(self, r):
+        return float(r @ r) / TEMPER
+
+    def weights(self, r):
+        return np.ones(r.size) / np.sqrt(TEMPER)
+
+    def start(self):
+        return {one.name: -1.2 if i % 2 == 0 else 1.0 for i, one in enumerate(self.free)}
+
+
+@pytest.mark.parametrize("k", [2, 3])
+def test_a_curved_valley_is_followed_to_its_minimum(k):
+    """With the few rounds that a fit has."""
+    valley = Valley(k)
+
+    fit = refit_until_converged(valley, valley.candidates, valley.start())
+
+    assert fit.cost < 1e-6
+    assert list(fit.values.values()) == pytest.approx(k * [1.0], abs=1e-2)
+
+
+def test_a_round_ends_when_a_new_jacobian_pays_better():
+    """Its last step is the first whose simulations gain less each than those before, with the Jacobian's."""
+    valley, counted = Valley(8), []
+    fit = refit(valley, valley.candidates, valley.start(), {}, steps=1)
+    for _ in range(6):
+        valley.costs.clear()
+        before, fit = fit, refine(valley, fit, 50, while_it_pays=True)
+
+        jacobian, tried = valley.costs[:8], valley.costs[8:]
+        best = np.minimum.accumulate([before.cost, *tried])
+        ends = [i for i, (one, other) in enumerate(pairwise(best), 1) if other < one]
+        better = []
+        for begin, end in pairwise([0, *ends]):
+            gained, whole = best[begin] - best[end], best[0] - best[end]
+            better.append(gained / (end - begin) >= whole / (len(jacobian) + end))
+        assert better == [True] * (len(ends) - 1) + [False]
+        assert fit.cost == pytest.approx(min(tried))
+        counted.append(len(ends))
+    assert max(counted) > 3
+
+
+def test_steps_that_pay_lead_further_than_a_few_each():
+    """With as many simulations, the cost is lower than with three steps for each Jacobian."""
+    by_three, paying = Valley(12), Valley(12)
+    three = refit(by_three, by_three.candidates, by_three.start(), {}, steps=3)
+    while len(by_three.costs) < 300 and not three.settled:
+        three = refine(by_three, three, 3)
+    fit = refit(paying, paying.candidates, paying.start(), {}, steps=20, while_it_pays=True)
+    while len(paying.costs) < 300 and not fit.settled:
+        fit = refine(paying, fit, 20, while_it_pays=True)
+
+    assert min(paying.costs[: len(by_three.costs)]) < min(by_three.costs)
