@@ -68,20 +68,28 @@ def call(context: Any, address: Any, *arguments: Any) -> Any:
 
 
 def address_of(function: Any, signature: Any) -> int:
-    """Address of a compiled function for this signature, compiling it if need be; for `function_at`.
+    """Address of a function of numba.njit for this signature, compiling it if need be; for `function_at`.
 
-    It is looked up once: Ctrl-C at a bad moment of a look-up would leave LLVM's lock closed to all other threads.
+    It is looked up once: Ctrl-C at a bad moment of a look-up would leave LLVM's lock closed to all other threads. A
+    later `recompile` of the function changes nothing.
+
+    Raises TypeError for another object and for another type of the result, numba's errors if it can't be compiled.
     """
+    function = getattr(function, "__func__", function)  # that of a class attribute
     if not hasattr(function, "get_compile_result"):
         raise TypeError(f"{type(function).__name__} is no function of numba.njit")
     known = _addresses.setdefault(function, {})
     if signature not in known:
+        if signature.args not in function.overloads and function._can_compile:
+            function.compile(signature)
         found = function.get_compile_result(signature)
+        if found.signature.return_type != signature.return_type:
+            raise TypeError(f"it returns {found.signature.return_type}")
         known[signature] = int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
     return known[signature]
 
 
-#: Compiled function -> its signatures -> their addresses, which are valid as long as the function is there.
+#: Compiled function -> its signatures -> their addresses.
 _addresses: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
 
 

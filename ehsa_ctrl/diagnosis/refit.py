@@ -161,13 +161,13 @@ class _HypothesisProblem:
     ) -> HypothesisFit:
         """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`.
 
-        exact: J was computed there. while_it_pays: the last step is the first that lowers the cost by less for each of
-        its simulations than all before together did, with those of the Jacobian: a new one pays better.
+        exact: J was computed there. while_it_pays: see `refine`.
         """
         fixed = [i for i, number in enumerate(self.free) if number.fixed]
         self.lower[fixed] = self.upper[fixed] = x[fixed]
         cost, damping, drop, gained, settled = self.cost(r, x), 1e-3, np.inf, False, False
         renewed = exact or not renew_after
+        # A Jacobian that was taken over counts as if it had been computed: that is the price of a new one.
         spent, first = len(self.free), cost
         for step in range(steps):
             if step == renew_after and not renewed:
@@ -248,8 +248,8 @@ def refit(
 def refine(objective: Objective, fit: HypothesisFit, steps: int, *, while_it_pays: bool = False) -> HypothesisFit:
     """Continue a fit with a new Jacobian.
 
-    while_it_pays: the last step is the first that lowers the cost by less for each of its simulations than all before
-    together did, with those of the Jacobian: a new one pays better then.
+    while_it_pays: end with the first step that lowers the cost, per simulation, by less than the average since the
+    Jacobian, whose own simulations count too: a new one pays better then.
     """
     problem = _HypothesisProblem(objective, fit.candidates)
     x = np.array([fit.values[name] for name in problem.names])

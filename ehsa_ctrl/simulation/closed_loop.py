@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -130,7 +131,7 @@ def run_closed_loop(
     Raises
     ------
     InputError: wrong shapes, values that are not finite; memory or settings of the controller that are no array (k,)
-        of floats.
+        of floats; a compiled step that can't be used.
     SimulationError: the run stopped early; the message has the time and the cause.
     """
     reference = np.array(reference, dtype=float, order="C")
@@ -178,13 +179,16 @@ def run_closed_loop(
 
     code = plant_code(plant.structure.equations)
     step = controller.compiled if compiled is None or compiled else None
+    parameters = plant.vector
     try:
-        parameters, law = plant.vector, 0 if step is None else address_of(step, CONTROLLER)
+        law = 0 if step is None else address_of(step, CONTROLLER)
     except (TypeError, NumbaError) as error:
+        lines = re.sub(r"\x1b\[\d*m", "", str(error)).splitlines()
+        why = next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)
         raise InputError(
-            f"controller {controller.name}: compiled can't be used ({str(error).splitlines()[0]}); expected a function "
-            "of numba.njit that takes four arrays (k,) of float64 and returns a float"
-        ) from None
+            f"controller {controller.name}: compiled can't be used ({why}); expected a function of numba.njit that "
+            "takes four arrays (k,) of float64 and returns a float"
+        ) from error
 
     def run(stop: int) -> int:
         """Advance the engine to sample stop - 1. It returns now and then, so that Python can handle an interrupt."""

@@ -1,8 +1,10 @@
 """The sampled loop: compiled and plain controllers, sensors, delays, faults of sensors and drive."""
 
 import signal
+import time
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 import pytest
 
@@ -43,7 +45,8 @@ def test_an_interrupt_arrives_as_itself(plant, pid):
 
     def run_until_interrupted(after):
         signal.setitimer(signal.ITIMER_REAL, after)
-        while True:
+        end = time.monotonic() + 30.0
+        while time.monotonic() < end:
             run_closed_loop(plant, pid, short)
 
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
@@ -107,22 +110,43 @@ def test_a_played_back_current_is_an_open_loop_run(plant):
     assert np.array_equal(loop.trajectory.cell_force, simulate(plant, current).cell_force)
 
 
-def test_a_compiled_step_that_is_none_is_one_sentence(plant):
-    """A plain function; a compiled one of three arguments; one that returns text."""
-    import numba
+def _undefined(reference, measured, memory, settings):
+    return undefined_thing  # noqa: F821
 
-    for step, says in (
+
+@pytest.mark.parametrize(
+    ("step", "why"),
+    [
         (lambda *_: 0.0, "function is no function of numba.njit"),
         (numba.njit(lambda reference, measured, memory: 0.0), "4 argument types given, but function takes 3"),
-        (numba.njit(lambda reference, measured, memory, settings: "1 A"), "returns a float"),
-    ):
-        with pytest.raises(InputError, match=says):
-            run_closed_loop(plant, Given(np.zeros(5), compiled=step), np.zeros((5, 3)))
+        (numba.njit(lambda reference, measured, memory, settings: "1 A"), "No conversion from Literal"),
+        (numba.njit(lambda reference, measured, memory, settings: None), "none"),
+        (numba.njit(_undefined), "undefined_thing"),
+        (numba.njit("int64(float64[::1], float64[::1], float64[::1], float64[::1])")(lambda r, m, s, p: 1), "int64"),
+    ],
+    ids=["plain", "three", "text", "none", "undefined", "whole"],
+)
+def test_a_compiled_step_that_is_none_is_one_sentence(plant, step, why):
+    """The sentence says why."""
+    with pytest.raises(
+        InputError, match=f"given: compiled can't be used [(].*{why}.*[)]; expected a function"
+    ) as caught:
+        run_closed_loop(plant, Given(np.zeros(5), compiled=step), np.zeros((5, 3)))
+
+    assert "\n" not in str(caught.value) and "\x1b" not in str(caught.value)
+
+
+def test_a_compiled_step_may_return_a_whole_number(plant):
+    """It is a current in amperes."""
+    step = numba.njit(lambda reference, measured, memory, settings: 1)
+
+    loop = run_closed_loop(plant, Given(np.zeros(5), compiled=step), np.zeros((5, 3)))
+
+    assert loop.asked.tolist() == [1.0] * 5
 
 
 def test_what_a_compiled_step_raises_arrives(plant):
     """An exception within the compiled loop is raised with its words."""
-    import numba
 
     @numba.njit
     def step(reference, measured, memory, settings):

@@ -131,7 +131,7 @@ def find_law(
     """
     scoring = with_typical_priors(scoring)
     bases = [base_of(fit) for fit in fits]
-    without = [without_law(base.fit, scoring) for base in bases]
+    without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
     tried = [one for base, own in zip(bases, without, strict=True) for one in _try(base, own, scoring, most, pool)]
     tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
