@@ -178,7 +178,8 @@ def _machine_code(text: str, target: Any) -> bytes:
     """Object file of LLVM assembly.
 
     Of LLVM's optimisations only the inlining that the text asks for is done. The text computes hardly anything twice:
-    the others took a third of the time, and runs are as fast without them, and the same to the bit.
+    the others took a third of the time, and runs of the shipped plants are as fast without them, and the same to the
+    bit.
     """
     import llvmlite.binding as llvm
 

@@ -13,8 +13,8 @@ from .hypothesis_model import Setting
 from .objective import STEP, TEMPER, Objective, RunCount
 from .records import Segment
 
-#: A thorough fit renews its Jacobian at most so often, and takes at most so many steps with each.
-MOST_ROUNDS, STEPS_A_ROUND = 6, 20
+#: A thorough fit renews its Jacobian at most so often; as many steps as pay are at most so many.
+MOST_ROUNDS, MOST_STEPS = 6, 20
 #: A step is tried so many times, each time shorter.
 TRIALS = 4
 
@@ -153,23 +153,19 @@ class _HypothesisProblem:
         x: np.ndarray,
         r: np.ndarray,
         J: np.ndarray,
-        steps: int,
+        steps: int | None,
         renew_after: int = 0,
         *,
         exact: bool = False,
-        while_it_pays: bool = False,
     ) -> HypothesisFit:
-        """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`.
-
-        exact: J was computed there. while_it_pays: see `refine`.
-        """
+        """Steps from x (k,) with residuals r (n,) and Jacobian J (n, k); see `refit`. exact: J was computed there."""
         fixed = [i for i, number in enumerate(self.free) if number.fixed]
         self.lower[fixed] = self.upper[fixed] = x[fixed]
         cost, damping, drop, gained, settled = self.cost(r, x), 1e-3, np.inf, False, False
         renewed = exact or not renew_after
         # A Jacobian that was taken over counts as if it had been computed: that is the price of a new one.
         spent, first = len(self.free), cost
-        for step in range(steps):
+        for step in range(MOST_STEPS if steps is None else steps):
             if step == renew_after and not renewed:
                 self.differentiate(range(len(self.free)), x, r, J)
                 exact = renewed = True
@@ -204,7 +200,7 @@ class _HypothesisProblem:
             if not gained or drop < self.objective.converged:
                 break
             spent += trials
-            if while_it_pays and drop * spent < (first - cost) * trials:
+            if steps is None and drop * spent < (first - cost) * trials:
                 break
         settled = settled and (not gained or drop < self.objective.converged)
         return HypothesisFit(self.candidates, self.setting(x), cost, r, J, self.free, settled)
@@ -216,15 +212,14 @@ def refit(
     start: Setting,
     sensitivities: Mapping[str, np.ndarray],
     *,
-    steps: int = 6,
+    steps: int | None = 6,
     renew_after: int = 0,
-    while_it_pays: bool = False,
 ) -> HypothesisFit | None:
     """Damped Gauss-Newton from `start` with Broyden's update of the Jacobian; None if the start can't be simulated.
 
-    sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. renew_after: number
-    of steps after which the Jacobian is recomputed, or before if a step fails (0: it is not). while_it_pays: see
-    `refine`.
+    sensitivities: parameter -> (n,) derivative of the residual near the start; others are computed. steps: as in
+    `refine`. renew_after: number of steps after which the Jacobian is recomputed, or before if a step fails (0: it is
+    not).
 
     Sources: K. Levenberg, "A method for the solution of certain non-linear problems in least squares", Quarterly of
     Applied Mathematics 2 (1944); C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
@@ -241,21 +236,20 @@ def refit(
             J[:, i] = sensitivities[name] * problem.scale[i]
     missing = [i for i, name in enumerate(problem.names) if name not in sensitivities]
     problem.differentiate(missing, x, r, J)
-    exact = len(missing) == len(problem.free)
-    return problem.fit(x, r, J, steps, renew_after, exact=exact, while_it_pays=while_it_pays)
+    return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free))
 
 
-def refine(objective: Objective, fit: HypothesisFit, steps: int, *, while_it_pays: bool = False) -> HypothesisFit:
+def refine(objective: Objective, fit: HypothesisFit, steps: int | None) -> HypothesisFit:
     """Continue a fit with a new Jacobian.
 
-    while_it_pays: end with the first step that lowers the cost, per simulation, by less than the average since the
-    Jacobian, whose own simulations count too: a new one pays better then.
+    steps: at most so many. None: as many as pay, up to the first that lowers the cost, per simulation, by less than the
+    average since the Jacobian, whose own simulations count too: a new one pays better then.
     """
     problem = _HypothesisProblem(objective, fit.candidates)
     x = np.array([fit.values[name] for name in problem.names])
     J = np.empty_like(fit.jacobian)
     problem.differentiate(range(len(problem.free)), x, fit.residual, J)
-    return problem.fit(x, fit.residual, J, steps, exact=True, while_it_pays=while_it_pays)
+    return problem.fit(x, fit.residual, J, steps, exact=True)
 
 
 def refit_until_converged(
@@ -268,11 +262,11 @@ def refit_until_converged(
 
     sensitivities: of a fit nearby, see `refit`.
     """
-    fit = refit(objective, candidates, start, sensitivities or {}, steps=STEPS_A_ROUND, while_it_pays=True)
+    fit = refit(objective, candidates, start, sensitivities or {}, steps=None)
     for _ in range(MOST_ROUNDS):
         if fit is None or fit.settled:
             break
-        before, fit = fit.cost, refine(objective, fit, STEPS_A_ROUND, while_it_pays=True)
+        before, fit = fit.cost, refine(objective, fit, None)
         if fit.cost > before - objective.converged:
             break
     return fit

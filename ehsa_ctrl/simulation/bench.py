@@ -30,12 +30,10 @@ def centring_step(reference: np.ndarray, measured: np.ndarray, memory: np.ndarra
 
 @lru_cache(maxsize=1)
 def _compiled() -> Callable[..., float]:
-    import numba
-
     from ..core.compiled import cached_njit
+    from .closed_loop_kernel import CONTROLLER
 
-    vector = numba.float64[::1]
-    return cached_njit(numba.float64(vector, vector, vector, vector))(centring_step)
+    return cached_njit(CONTROLLER)(centring_step)
 
 
 @dataclass(frozen=True)

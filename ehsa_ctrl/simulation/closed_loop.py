@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -172,23 +172,11 @@ def run_closed_loop(
     memory, settings = (_own_numbers(controller, of) for of in ("initial_memory", "settings"))
     traced = np.array(list(controller.traces.values()), dtype=np.int64)
     traces = np.full((samples, traced.size), np.nan)
-    from numba.core.errors import NumbaError
-
-    from ..core.pointers import address_of
-    from .closed_loop_kernel import CONTROLLER, closed_loop
+    from .closed_loop_kernel import closed_loop
 
     code = plant_code(plant.structure.equations)
     step = controller.compiled if compiled is None or compiled else None
-    parameters = plant.vector
-    try:
-        law = 0 if step is None else address_of(step, CONTROLLER)
-    except (TypeError, NumbaError) as error:
-        lines = re.sub(r"\x1b\[\d*m", "", str(error)).splitlines()
-        why = next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)
-        raise InputError(
-            f"controller {controller.name}: compiled can't be used ({why}); expected a function of numba.njit that "
-            "takes four arrays (k,) of float64 and returns a float"
-        ) from error
+    parameters, law = plant.vector, 0 if step is None else _address_of_step(controller, step)
 
     def run(stop: int) -> int:
         """Advance the engine to sample stop - 1. It returns now and then, so that Python can handle an interrupt."""
@@ -241,6 +229,25 @@ def run_closed_loop(
     return ClosedLoop(
         trajectory, rows, measured[there], asked[there], by_name, None if target is None else target[there]
     )
+
+
+def _address_of_step(controller: Controller, step: Callable[..., float]) -> int:
+    """Address of a controller's compiled step. Raises InputError, with the cause, if it can't be used."""
+    from numba.core.errors import NumbaError
+
+    from ..core.pointers import address_of
+    from .closed_loop_kernel import CONTROLLER
+
+    try:
+        return address_of(step, CONTROLLER)
+    except (TypeError, NumbaError) as error:
+        # numba's text has terminal colours, and begins with the pass that failed.
+        lines = re.sub(r"\x1b\[\d*m", "", str(error)).splitlines()
+        why = next((line for line in lines if line and not line.startswith("Failed in")), type(error).__name__)
+        raise InputError(
+            f"controller {controller.name}: compiled can't be used ({why}); expected a function of numba.njit that "
+            "takes four arrays (k,) of float64 and returns a float"
+        ) from error
 
 
 def _own_numbers(controller: Controller, of: str) -> np.ndarray:

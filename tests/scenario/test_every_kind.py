@@ -21,8 +21,6 @@ EXAMPLES = {
     "lqr": "lqr_friction",
     "mpc": "mpc_friction",
 }
-#: Kinds whose program is solved outside the compiled loop, and the scenario of a minute that they leave to the others.
-SOLVED, LONG = {"mpc", "scheduled_mpc"}, "press_cycles"
 NAMES = with_drive_of(sorted(path.stem for path in Path(scenarios.folders[-1]).glob("*.toml")), "ehsa", [])
 
 
@@ -31,7 +29,7 @@ NAMES = with_drive_of(sorted(path.stem for path in Path(scenarios.folders[-1]).g
 def test_every_kind_runs_every_scenario(kind):
     """To its end or to a limit of the plant, with finite currents and a verdict; failing a limit is allowed."""
     controller = EXAMPLES.get(kind) or starting_definition(kind)[1].stem
-    for name in [name for name in NAMES if kind not in SOLVED or name != LONG]:
+    for name in NAMES:
         result = run(name, controller=controller)
 
         assert np.isfinite(result.nonlinear.asked).all(), name

@@ -126,7 +126,7 @@ def _undefined(reference, measured, memory, settings):
     ],
     ids=["plain", "three", "text", "none", "undefined", "whole"],
 )
-def test_a_compiled_step_that_is_none_is_one_sentence(plant, step, why):
+def test_a_compiled_step_that_can_t_be_used_is_one_sentence(plant, step, why):
     """The sentence says why."""
     with pytest.raises(
         InputError, match=f"given: compiled can't be used [(].*{why}.*[)]; expected a function"
