@@ -88,13 +88,16 @@ class Reference:
     @classmethod
     def of(cls, scoring: Scoring) -> Reference:
         training_gap = scoring.training.gap({})["total"]
-        # A gap above 1 counts as 1: that of a model which does not move at all.
-        noise = scoring.noise_deviance
-        nominal = noise + (scoring.nominal_deviance - noise) / max(training_gap, 1.0) ** 2
+        noise, nominal = scoring.noise_deviance, scoring.nominal_deviance
         segments = scoring.training, scoring.held_out
         floors = [floor_of(segment, one) for segment, one in zip(segments, scoring.input_noise, strict=True)]
         gaps = training_gap, scoring.held_out.gap({})["total"]
         return cls(noise, nominal, training_gap, scoring.noise_square, (floors[0], floors[1]), gaps, scoring.threshold)
+
+    @property
+    def capped_nominal(self) -> float:
+        """Deviance of the nominal model. A gap above 1 counts as 1: that of a model which does not move at all."""
+        return self.noise + (self.nominal - self.noise) / max(self.training_gap, 1.0) ** 2
 
     def unexplained(self, one: ScoredHypothesis) -> float:
         """Deviance above that of noise."""
@@ -102,7 +105,7 @@ class Reference:
 
     def unexplained_share(self, one: ScoredHypothesis) -> float:
         """The same as a share of that of the nominal model."""
-        return self.unexplained(one) / max(self.nominal - self.noise, 1.0)
+        return self.unexplained(one) / max(self.capped_nominal - self.noise, 1.0)
 
     def closed(self, one: ScoredHypothesis) -> tuple[float, float]:
         """Share of the nominal gap in total that a hypothesis closes on training and held-out data."""
@@ -115,9 +118,14 @@ class Reference:
         pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
         return max(largest_beyond(gaps, floor) for gaps, floor in pairs)
 
+    def is_relevant(self, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+        """Whether the largest gap falls by a relevant amount, see MIN_DECREASE."""
+        return largest(before) ** 2 - largest(after) ** 2 >= (MIN_DECREASE * self.threshold) ** 2
+
     def margin(self, one: ScoredHypothesis, share: float = MARGIN_EXPLAINED) -> float:
         """Alternatives whose deviance is larger by at most this margin can't be excluded."""
-        return MARGIN + MARGIN_UNEXPLAINED * self.unexplained(one) + share * max(self.nominal - one.deviance, 0.0)
+        explained = max(self.capped_nominal - one.deviance, 0.0)
+        return MARGIN + MARGIN_UNEXPLAINED * self.unexplained(one) + share * explained
 
 
 def select_model(scores: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
@@ -147,8 +155,7 @@ def dominates(one: ScoredHypothesis, other: ScoredHypothesis, reference: Referen
     """Whether a hypothesis leaves a much smaller gap than another one, with no more causes; see DOMINATED."""
     pairs = (other.training_gap, one.training_gap), (other.held_out_gap, one.held_out_gap)
     return 0 < len(one.causes) <= len(other.causes) and all(
-        after["total"] < DOMINATED * before["total"] and _decrease(before, after) >= MIN_DECREASE * reference.threshold
-        for before, after in pairs
+        after["total"] < DOMINATED * before["total"] and reference.is_relevant(before, after) for before, after in pairs
     )
 
 
@@ -170,9 +177,9 @@ def _improves(larger: ScoredHypothesis, one: ScoredHypothesis, reference: Refere
     gained = one.deviance - larger.deviance
     if gained <= reference.margin(larger, MARGIN_ADDED):
         return False
-    decrease = max(_decrease(one.training_gap, larger.training_gap), _decrease(one.held_out_gap, larger.held_out_gap))
-    return decrease >= MIN_DECREASE * reference.threshold or gained >= MIN_DEVIANCE_SHARE * (
-        reference.nominal - larger.deviance
+    pairs = (one.training_gap, larger.training_gap), (one.held_out_gap, larger.held_out_gap)
+    return any(reference.is_relevant(before, after) for before, after in pairs) or (
+        gained >= MIN_DEVIANCE_SHARE * (reference.capped_nominal - larger.deviance)
     )
 
 
@@ -197,11 +204,6 @@ def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
     )
     unexplained = reference.unexplained_share(chosen)
     return max(min(left / LEFT, excess / EXCESS), min(left / MOST_LEFT, unexplained / UNEXPLAINED), *low_frequency, 0.0)
-
-
-def _decrease(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """Decrease of the largest gap, in quadrature."""
-    return float(np.sqrt(max(largest(before) ** 2 - largest(after) ** 2, 0.0)))
 
 
 def _alternatives(

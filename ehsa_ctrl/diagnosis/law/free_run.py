@@ -187,14 +187,17 @@ def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit) -> float:
     return gap if np.isfinite(gap) else np.inf
 
 
-def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool) -> list[LawFit]:
-    """The laws by the gap that they leave on the training data as they were found, the smallest first.
+def screen_laws(
+    laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, most_left: float
+) -> list[LawFit]:
+    """The laws by the gap that they leave on the training data as they were found, the smallest first; those that leave
+    more than `most_left` are left out.
 
     A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
     the pressures balance the friction.
     """
     gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base), list(laws))
-    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if np.isfinite(gaps[int(i)])]
+    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] <= most_left]
 
 
 def refit_laws(

@@ -139,24 +139,60 @@ class _Fold:
     """
 
     def __init__(self, target: _Target, test: int) -> None:
+        self.target = target
         self.fit, self.test = (np.flatnonzero(target.windows.fold == one) for one in (1 - test, test))
         fitted = target.nuisance[self.fit]
         M = np.linalg.cholesky(fitted.T @ fitted + target.prior * np.eye(fitted.shape[1]))
         self.fitted = np.ascontiguousarray(np.linalg.solve(M, fitted.T))
         self.tested = np.ascontiguousarray(np.linalg.solve(M, target.nuisance[self.test].T).T)
 
-    def products(self, both: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Normal equations of columns for the last one, on the windows for the fit, and the products (k, k) of what
-        remains of all on those for the test. both: (windows, k)."""
-        fit = both[self.fit]
+    def of(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns (windows, k): on the windows for the fit, their elimination (p, k), and what remains for the test."""
+        fit = columns[self.fit]
         error = self.fitted @ fit
-        normal = (fit.T @ fit - error.T @ error)[:-1]
-        left = both[self.test] - self.tested @ error
-        return normal[:, :-1], normal[:, -1], left.T @ left
+        return fit, error, columns[self.test] - self.tested @ error
+
+    @cached_property
+    def values(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of the unknown input (windows, 1)."""
+        return self.of(self.target.values[:, None])
+
+
+class _FoldTerms:
+    """Normal equations of the terms on one fold: G b = g for their factors b, and the products T, t, square of what
+    remains of terms and unknown input on the test.
+
+    Of the terms' products with each other, only those with a few chosen ones are needed, and the squares.
+    """
+
+    def __init__(self, fold: _Fold, C: np.ndarray) -> None:
+        """C: (windows, m) columns of the terms."""
+        self._fit, self._error, self._left = fold.of(C)
+        fit, error, left = fold.values
+        self.g = (self._fit.T @ fit - self._error.T @ error)[:, 0]
+        self.t = (self._left.T @ left)[:, 0]
+        self.square = float((left.T @ left)[0, 0])
+        self._rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    @cached_property
+    def squares(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) diagonals of G and T."""
+        of_fit, of_error, of_left = (np.einsum("ij,ij->j", one, one) for one in (self._fit, self._error, self._left))
+        return of_fit - of_error, of_left
+
+    def rows(self, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """(k, m) rows of G and T of the chosen terms."""
+        new = [i for i in dict.fromkeys(chosen) if i not in self._rows]
+        if new:
+            G = self._fit[:, new].T @ self._fit - self._error[:, new].T @ self._error
+            self._rows |= zip(new, zip(G, self._left[:, new].T @ self._left, strict=True), strict=True)
+        found = [self._rows[i] for i in chosen]
+        shape = len(chosen), self.g.size
+        return np.array([G for G, _ in found]).reshape(shape), np.array([T for _, T in found]).reshape(shape)
 
 
 class _SumProblem:
-    """Normal equations of all terms, for each fold, so that thousands of sums cost little.
+    """All terms with their normal equations on each fold, so that thousands of sums cost little.
 
     terms: those with a column that is not zero. total: square of what they explain.
     """
@@ -171,8 +207,7 @@ class _SumProblem:
         self.scales, self.C = scales[kept], C[:, kept] / scales[kept]
         self.numbers = np.array([1 + len(term.shapes) for term in self.terms], dtype=int)
         self.ridge = RIDGE * target.values.size + 1e-12
-        both = np.column_stack([self.C, target.values])
-        self.folds = [fold.products(both) for fold in target.folds]
+        self.folds = [_FoldTerms(fold, self.C) for fold in target.folds]
         self.total = float(target.values @ target.values)
 
     @classmethod
@@ -188,33 +223,44 @@ class _SumProblem:
         """Sum of squares that errors of the nominal parameters leave."""
         return self.left(())
 
-    def lefts(self, sums: np.ndarray) -> np.ndarray:
-        """(n,) sum of squares that each sum (n, k) of terms leaves on the folds that it was not fitted to."""
-        found = np.zeros(len(sums))
-        ridge = self.ridge * np.eye(sums.shape[1])
-        for G, g, T in self.folds:
-            i, j = sums[:, :, None], sums[:, None, :]
-            b = np.linalg.solve(G[i, j] + ridge, g[sums][:, :, None])[:, :, 0]
-            found += T[-1, -1] - 2.0 * np.sum(b * T[sums, -1], axis=1) + np.einsum("ni,nij,nj->n", b, T[i, j], b)
+    def lefts(self, chosen: Sequence[int], further: Sequence[int]) -> np.ndarray:
+        """(n,) sum of squares that the chosen terms leave with each further one, on the folds not fitted to."""
+        of, others = list(chosen), np.array(further, dtype=int)
+        k = len(of)
+        found = np.zeros(others.size)
+        for fold in self.folds:
+            normal, left = (
+                _bordered(rows[:, of], rows[:, others], diagonal[others])
+                for rows, diagonal in zip(fold.rows(of), fold.squares, strict=True)
+            )
+            g, t = (np.column_stack([*np.tile(one[of], (others.size, 1)).T, one[others]]) for one in (fold.g, fold.t))
+            b = np.linalg.solve(normal + self.ridge * np.eye(k + 1), g[:, :, None])[:, :, 0]
+            found += fold.square - 2.0 * np.sum(b * t, axis=1) + np.einsum("ni,nij,nj->n", b, left, b)
         return found
 
     def left(self, chosen: Sequence[int]) -> float:
-        """Sum of squares that one sum leaves, as `lefts`, which takes thousands at a time."""
+        """Sum of squares that one sum leaves, as `lefts`, which takes hundreds at a time."""
         of, found = list(chosen), 0.0
-        square = np.ix_(of, of)
-        for G, g, T in self.folds:
-            b = np.linalg.solve(G[square] + self.ridge * np.eye(len(of)), g[of])
-            found += float(T[-1, -1] - 2.0 * b @ T[of, -1] + b @ T[square] @ b)
+        for fold in self.folds:
+            G, T = (rows[:, of] for rows in fold.rows(of))
+            b = np.linalg.solve(G + self.ridge * np.eye(len(of)), fold.g[of])
+            found += float(fold.square - 2.0 * b @ fold.t[of] + b @ T @ b)
         return found
 
-    def explained(self, sums: np.ndarray) -> np.ndarray:
-        """(n,) share that each sum (n, k) explains, see `LawFit`."""
-        return 1.0 - self.lefts(sums) / max(self.nuisance_left, 1e-300) - PENALTY * self.numbers[sums].sum(axis=1)
+    def explained(self, chosen: Sequence[int], further: Sequence[int]) -> np.ndarray:
+        """(n,) share that the chosen terms explain with each further one, see `LawFit`."""
+        numbers = self.numbers[list(chosen)].sum() + self.numbers[list(further)]
+        return 1.0 - self.lefts(chosen, further) / max(self.nuisance_left, 1e-300) - PENALTY * numbers
+
+    def share(self, chosen: Sequence[int]) -> float:
+        """Share that one sum explains."""
+        numbers = int(self.numbers[list(chosen)].sum())
+        return 1.0 - self.left(chosen) / max(self.nuisance_left, 1e-300) - PENALTY * numbers
 
     @property
     def whole(self) -> float:
         """Share that all terms together explain."""
-        return float(self.explained(np.arange(len(self.terms))[None, :])[0])
+        return self.share(range(len(self.terms)))
 
     def factors(self, chosen: Sequence[int], counts: np.ndarray) -> np.ndarray:
         """Factors (n, k) of the terms, fitted to all windows with each of several weights (n, blocks)."""
@@ -225,6 +271,16 @@ class _SumProblem:
         prior = np.repeat([self.target.prior, self.ridge], [P.shape[1], len(terms)])
         b = np.linalg.solve(G[:, :-1, :-1] + np.diag(prior), G[:, :-1, -1:])[:, P.shape[1] :, 0]
         return np.asarray(b / self.scales[terms])
+
+
+def _bordered(block: np.ndarray, rows: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    """(n, k + 1, k + 1) matrices with one block (k, k), each with a further row and column of `rows` (k, n)."""
+    k, n = rows.shape
+    found = np.empty((n, k + 1, k + 1))
+    found[:, :k, :k] = block
+    found[:, :k, k] = found[:, k, :k] = rows.T
+    found[:, k, k] = diagonal
+    return found
 
 
 def sums_and_placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> tuple[list[LawFit], float]:
@@ -251,9 +307,8 @@ def placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> float:
 def _placebo(problem: _SumProblem) -> float:
     other = problem.reversed()
     constant = [i for i, term in enumerate(other.terms) if not term.variables and term.text == "1"]
-    least = max(float(other.explained(np.array([constant], dtype=int))[0]), 0.0)
-    beside = [[*constant, i] for i in range(len(other.terms)) if i not in constant]
-    return float(other.explained(np.array(beside)).max()) - least if beside else 0.0
+    beside = [i for i in range(len(other.terms)) if i not in constant]
+    return float(other.explained(constant, beside).max()) - max(other.share(constant), 0.0) if beside else 0.0
 
 
 def _find_sums(problem: _SumProblem, grammar: Grammar, most_terms: int) -> list[LawFit]:
@@ -287,8 +342,7 @@ def _selected(problem: _SumProblem, allowed: Sequence[int], most_terms: int) -> 
                 for i in allowed
                 if problem.terms[i].family not in families and len(used | problem.terms[i].variables) <= MOST_VARIABLES
             ]
-            sums = np.array([(*chosen, i) for i in fitting], dtype=int).reshape(len(fitting), len(chosen) + 1)
-            for i, share in zip(fitting, problem.explained(sums).tolist(), strict=True):
+            for i, share in zip(fitting, problem.explained(chosen, fitting).tolist(), strict=True):
                 term = problem.terms[i]
                 key = frozenset({*families, term.family})
                 enough = min(GAIN, OF_REST * (1.0 - before))
