@@ -275,7 +275,7 @@ def _diagnose_selection(
 
     def explained(selection: Selection, sd: Mapping[str, float]) -> tuple[Plant, Explanation]:
         improved, logs = with_causes_of(selection.chosen.fit, sd)
-        return improved, explain(selection, reference, prepared.threshold, logs)
+        return improved, explain(selection, reference, prepared.threshold, logs, hypotheses.pool.jobs)
 
     improved, explanation = explained(selection, sd)
     if explanation.verdict == "outside_catalogue" and (part := claimable_part(selection, reference)) is not None:
@@ -295,7 +295,7 @@ def _diagnose_selection(
         improved = improved_plant(plant, (), refitted, {})
     with_effects = chosen.fit.values if selection.named else nominal_refit
     values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
-    locations = [attribute_gap(one.plant, one.log, one.noise) for one in prepared.logs]
+    locations = [attribute_gap(one.plant, one.log, one.noise, hypotheses.pool.jobs) for one in prepared.logs]
     location = joint_location(
         {one.log.name: place for one, place in zip(prepared.logs, locations, strict=True)},
         [own["total"] for own in own_gaps] or [1.0] * len(locations),

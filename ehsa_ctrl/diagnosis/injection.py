@@ -9,7 +9,7 @@ import numpy as np
 
 from ..plant.plant import Plant
 from ..plant.system import System
-from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
+from ..simulation.engine import in_threads, initial_carry, initial_modes, run_open_loop, simulate_batch
 from ..simulation.plant_code import plant_code
 from .signals import scored_signals, signal_noise
 
@@ -85,6 +85,7 @@ def simulate_injections(
     capacity: Mapping[str, np.ndarray],
     tolerance: float = 1e-5,
     second_input: np.ndarray | None = None,
+    jobs: int = 1,
 ) -> list[dict[str, np.ndarray]]:
     """Simulate the plant with unknown inputs: channel -> (N,) for each injection; NaN if the run stopped.
 
@@ -93,7 +94,7 @@ def simulate_injections(
     half of its integral at each end of a sample, or of a fraction of a sample of at most IMPULSE_SPACING.
 
     current, second_input: (N,) inputs of the system; the second is zero by default. start: (n,). capacity: see
-    `UnknownInputs`.
+    `UnknownInputs`. jobs: number of threads.
     """
     equations, system = plant.structure.equations, plant.structure.system
     to_inputs = {name: entry.target for name, entry in system.entries.items() if entry.target in system.inputs}
@@ -118,7 +119,7 @@ def simulate_injections(
         if without:
             batch = simulate_batch(
                 plant, plant.vector[None, :], drive, force=force, hold=system.hold,
-                start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=1,
+                start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=jobs,
             )  # fmt: skip
             states[without] = batch.states[0]
         if with_impulses:
@@ -128,7 +129,9 @@ def simulate_injections(
                     if name in injections[i]:
                         half = 0.5 * sample_time * injections[i][name] / divisor(name)
                         impulses[:-1, column, equations.index(target)] = half
-            states[with_impulses] = _simulate_impulses(plant, drive, force, start, sample_time, impulses, tolerance)
+            states[with_impulses] = _simulate_impulses(
+                plant, drive, force, start, sample_time, impulses, tolerance, jobs
+            )
     return [{channel: run[:, equations.index(s)] for channel, s in system.outputs.items()} for run in states]
 
 
@@ -140,6 +143,7 @@ def _simulate_impulses(
     dt: float,
     halves: np.ndarray,
     tolerance: float,
+    jobs: int,
 ) -> np.ndarray:
     """Runs (runs, N, n) with impulses `halves` (N, runs, n) on the states at start and end of each sample."""
     code, lines = plant_code(plant.structure.equations), plant.structure.system.hold == "first_order"
@@ -153,7 +157,8 @@ def _simulate_impulses(
     impulses[::steps] = halves
     impulses[steps::steps] += halves[:-1]
     out = np.full((runs, samples, n), np.nan)
-    for run in range(runs):
+
+    def simulate(run: int) -> None:
         y = start[None, :].copy()
         modes, status = initial_modes(plant, y), np.zeros(1, dtype=np.int64)
         states, cells = np.full((1, fine.size, n), np.nan), np.empty((1, fine.size))
@@ -164,5 +169,7 @@ def _simulate_impulses(
         )  # fmt: skip
         if not status.any():
             out[run] = states[0, ::steps]
+
+    list(in_threads(simulate, range(runs), jobs))
     out[:, 1:] += halves[:-1].swapaxes(0, 1)
     return out

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from threading import Event
 from typing import TypeVar
 
-from ..simulation.engine import end_runs_at
+from ..simulation.engine import in_threads
 
 Watch = Callable[[str, int, int], None]
 Item = TypeVar("Item")
@@ -54,13 +52,7 @@ class Pool:
         An interrupt or an error ends the simulations of all threads at once.
         """
         out: list[Result] = []
-        stop = Event()
-        with ThreadPoolExecutor(self.jobs, initializer=end_runs_at, initargs=(stop,)) as threads:
-            try:
-                for result in threads.map(work, items):
-                    out.append(result)
-                    self.progress.report(stage, len(out) / len(items))
-            except BaseException:
-                stop.set()
-                raise
+        for result in in_threads(work, items, self.jobs):
+            out.append(result)
+            self.progress.report(stage, len(out) / len(items))
         return out

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar
 from dataclasses import dataclass
 from threading import Event
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -35,13 +35,22 @@ STATUS = {
 }
 
 
-#: The event that ends the runs of this thread, see `end_runs_at`.
+#: The event that ends the runs of this thread, which gets no interrupts.
 _end: ContextVar[Event | None] = ContextVar("_end", default=None)
 
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
-def end_runs_at(event: Event) -> None:
-    """Let all later runs of this thread end when the event is set: a thread gets no interrupts."""
-    _end.set(event)
+
+def in_threads(work: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
+    """Results in the order of the items. An interrupt or an error ends the runs of all threads at once."""
+    stop = _end.get() or Event()
+    with ThreadPoolExecutor(jobs, initializer=_end.set, initargs=(stop,)) as threads:
+        try:
+            yield from threads.map(work, items)
+        except BaseException:
+            stop.set()
+            raise
 
 
 #: See `open_loop_kernel.open_loop`.
@@ -75,15 +84,14 @@ def run_open_loop(
     *inputs_and_outputs: Any,
     status: np.ndarray,
     impulses: np.ndarray = NO_IMPULSES,
-    stop: Event | None = None,
 ) -> None:
     """Simulate all samples of every run that has not failed; arguments as in `open_loop_kernel.open_loop`.
 
-    The engine returns after some tenths of a second at most, so that Python can handle an interrupt. stop: ends the
-    runs of a thread, which gets no interrupts.
+    The engine returns after some tenths of a second at most, so that Python can handle an interrupt.
     """
     from .open_loop_kernel import open_loop
 
+    stop = _end.get()
     carry[:, -1] = 0.0
     status[status == DONE] = UNFINISHED
     while (status == UNFINISHED).any() and not (stop is not None and stop.is_set()):
@@ -299,13 +307,11 @@ def _run(
         directions=modes,
     )
 
-    stop = _end.get() or Event()
-
     def work(part: slice) -> None:
         run_open_loop(
             code, parameters[part], states[part], modes[part], carry[part], current, force, hold == "first_order", dt,
             tolerance, out.states[part], out.modes[part], out.cell_force[part], out.extremes[part],
-            status=out.status[part], stop=stop,
+            status=out.status[part],
         )  # fmt: skip
 
     jobs = min(jobs or os.cpu_count() or 1, runs)
@@ -314,10 +320,5 @@ def _run(
     else:
         # More parts than threads, so that one slow part does not leave the other threads idle at the end.
         edges = np.linspace(0, runs, min(4 * jobs, runs) + 1).astype(int)
-        with ThreadPoolExecutor(jobs) as pool:
-            try:
-                list(pool.map(work, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]))
-            except BaseException:
-                stop.set()
-                raise
+        list(in_threads(work, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)], jobs))
     return out

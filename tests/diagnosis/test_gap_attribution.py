@@ -109,6 +109,17 @@ def test_more_friction_of_the_rod_goes_with_the_sign_of_its_speed(nominal):
     assert regime.mean[0] == pytest.approx(-250.0, rel=0.1)
 
 
+def test_threads_give_the_same(nominal):
+    """A leak and a force, so that torques, forces and flows are injected."""
+    current = drive(4.0)
+    rig = nominal.set(K_L=10.0 * nominal["K_L"])
+    log = with_current(logged(rig, current, force=np.full(current.size, 200.0)), current)
+
+    one, two = (attribute_gap(nominal, log, estimate_noise(log), jobs) for jobs in (1, 2))
+
+    assert one.to_dict() == two.to_dict() and one.over_time == two.over_time
+
+
 @pytest.mark.slow
 def test_a_late_current_is_the_drives_and_a_weak_one_the_motors(nominal):
     """A current that acts 8 ms late is found as such; a smaller torque constant is a torque along the current."""

@@ -11,6 +11,7 @@ Methods for Dependent Data", 2003 (block bootstrap).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -168,11 +169,20 @@ class _FoldTerms:
     def __init__(self, fold: _Fold, C: np.ndarray) -> None:
         """C: (windows, m) columns of the terms."""
         self._fit, self._error, self._left = fold.of(C)
+        self._rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._weigh(fold)
+
+    def _weigh(self, fold: _Fold) -> None:
         fit, error, left = fold.values
         self.g = (self._fit.T @ fit - self._error.T @ error)[:, 0]
         self.t = (self._left.T @ left)[:, 0]
         self.square = float((left.T @ left)[0, 0])
-        self._rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def of_other(self, fold: _Fold) -> _FoldTerms:
+        """The same terms for another unknown input over the same windows, with the same mean square."""
+        other = copy(self)
+        other._weigh(fold)
+        return other
 
     @cached_property
     def squares(self) -> tuple[np.ndarray, np.ndarray]:
@@ -191,32 +201,52 @@ class _FoldTerms:
         return np.array([G for G, _ in found]).reshape(shape), np.array([T for _, T in found]).reshape(shape)
 
 
+@dataclass(frozen=True)
 class _SumProblem:
     """All terms with their normal equations on each fold, so that thousands of sums cost little.
 
-    terms: those with a column that is not zero. total: square of what they explain.
+    terms: those with a column that is not zero. C: (windows, m) their columns, divided by `scales`.
     """
 
-    def __init__(self, target: _Target, terms: Sequence[Term], columns: Sequence[np.ndarray]) -> None:
+    target: _Target
+    terms: Sequence[Term]
+    scales: np.ndarray
+    C: np.ndarray = field(repr=False)
+    folds: Sequence[_FoldTerms] = field(repr=False)
+
+    @classmethod
+    def of_columns(cls, target: _Target, terms: Sequence[Term], columns: Sequence[np.ndarray]) -> _SumProblem:
         """columns: (windows,) of each term, with any scale."""
-        self.target = target
         C = np.column_stack(columns) if len(columns) else np.zeros((target.values.size, 0))
         scales = np.sqrt(np.mean(C**2, axis=0))
         kept = np.isfinite(scales) & (scales > 0.0)
-        self.terms = [term for term, one in zip(terms, kept, strict=True) if one]
-        self.scales, self.C = scales[kept], C[:, kept] / scales[kept]
-        self.numbers = np.array([1 + len(term.shapes) for term in self.terms], dtype=int)
-        self.ridge = RIDGE * target.values.size + 1e-12
-        self.folds = [_FoldTerms(fold, self.C) for fold in target.folds]
-        self.total = float(target.values @ target.values)
+        C = C[:, kept] / scales[kept]
+        of = [term for term, one in zip(terms, kept, strict=True) if one]
+        return cls(target, of, scales[kept], C, [_FoldTerms(fold, C) for fold in target.folds])
 
     @classmethod
     def of(cls, grammar: Grammar, target: _Target, terms: Sequence[Term]) -> _SumProblem:
-        return cls(target, terms, [target.column(grammar, term) for term in terms])
+        return cls.of_columns(target, terms, [target.column(grammar, term) for term in terms])
 
     def reversed(self) -> _SumProblem:
         """The same terms for the unknown input reversed in time."""
-        return _SumProblem(self.target.reversed(), self.terms, list(self.C.T))
+        target = self.target.reversed()
+        pairs = zip(self.folds, target.folds, strict=True)
+        return replace(self, target=target, folds=[one.of_other(fold) for one, fold in pairs])
+
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """(m,) free numbers of each term."""
+        return np.array([1 + len(term.shapes) for term in self.terms], dtype=int)
+
+    @property
+    def ridge(self) -> float:
+        return RIDGE * self.target.values.size + 1e-12
+
+    @property
+    def total(self) -> float:
+        """Square of what the terms explain."""
+        return float(self.target.values @ self.target.values)
 
     @cached_property
     def nuisance_left(self) -> float:
@@ -457,7 +487,7 @@ def _shaped(grammar: Grammar, target: _Target, terms: list[Term]) -> list[Term]:
         if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if n != "at"):
             return np.inf
         columns = [fixed[i] if i in fixed else target.column(grammar, term) for i, term in enumerate(shaped)]
-        problem = _SumProblem(target, shaped, columns)
+        problem = _SumProblem.of_columns(target, shaped, columns)
         return problem.left(range(len(problem.terms))) if len(problem.terms) == len(terms) else np.inf
 
     first = np.vstack([np.zeros(start.size), 0.3 * np.eye(start.size)])
