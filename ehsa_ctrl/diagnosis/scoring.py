@@ -278,7 +278,7 @@ def score_hypotheses(
         if (members := exact_members(one, hypotheses.candidates, scoring.ids))
     )[:N_EXACT]
     hypotheses = hypotheses.with_compared_refits(exact, "sets of causes", windows)
-    found = hypotheses.pool.map("scores", scoring.score, hypotheses.fits_of(exact))
+    found = new_scores(hypotheses, scoring, hypotheses.fits_of(exact), [])
     bases = [] if scoring.lumped else _bases(rank(found), rank([*found, *refined]))
     near = neighbours(hypotheses, [one.fit for one in bases], searched or scoring.training)
     hypotheses = hypotheses.with_compared_refits(near, "neighbouring sets", beside=exact)
@@ -310,7 +310,8 @@ def new_scores(
 ) -> list[ScoredHypothesis]:
     """Scores of those fits that are not among the known scores."""
     before = {id(one.fit) for one in known}
-    return hypotheses.pool.map("scores", scoring.score, [fit for fit in fits if id(fit) not in before])
+    new = [fit for fit in fits if id(fit) not in before]
+    return hypotheses.pool.map("scores", scoring.score, new, lambda fit: len(fit.candidates))
 
 
 def exact_members(

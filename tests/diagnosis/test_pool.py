@@ -27,6 +27,17 @@ def test_progress_never_goes_back_and_keeps_to_its_phases():
     assert ends[1] <= STEPS
 
 
+def test_the_largest_item_begins_first_and_results_keep_their_order():
+    begun = []
+
+    def work(item):
+        begun.append(item)
+        return -item
+
+    assert Pool(1).map("stage", work, [2, 9, 4], lambda item: item) == [-2, -9, -4]
+    assert begun == [9, 4, 2]
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_an_error_ends_the_simulations_of_all_threads(error):
     """A run of three hours of plant time, begun before the error, ends unfinished; so does one begun after it."""

@@ -248,7 +248,7 @@ def _try(
     """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. least: smallest
     gap on the training data that a law has to be compared with."""
     inputs = base.inputs(scoring.objective.nominal)
-    found = pool.map("laws", _sums, inputs)
+    found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in beyond_chance(fits, share)]
     held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
