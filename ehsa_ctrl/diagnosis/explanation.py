@@ -37,9 +37,9 @@ FEW, MANY_LEFT = 3, 0.85
 #: From so many thresholds on, what is left matters however small it is beside the nominal gap. Engineering judgement:
 #: with a nominal gap of 2000 %, causes that close 97 % of it leave more than most rigs show at all.
 MUCH_LEFT = 3.0
-#: A part is claimed of the smallest set that closes as much of the gap as the selected one, but for this share of it:
-#: where all sets leave more than noise, the deviance counts what no cause explains. On a measured record nine causes
-#: were selected, of which four closed the same 97 %.
+#: A part is claimed of the smallest set that closes this share of what the selected one closes, if less than SMALL_PART
+#: of the deviance is lost with it: where all sets leave more than noise, a deviance counts what no cause explains. On a
+#: measured record eight causes were selected, and four of them closed the same 97 %.
 AS_MUCH = 0.98
 
 
@@ -109,9 +109,11 @@ def claimable_part(selection: Selection, reference: Reference) -> Selection | No
     else:
 
         def closes_as_much(one: ScoredHypothesis) -> bool:
-            return all(own >= AS_MUCH * share for own, share in zip(reference.closed(one), closed, strict=True))
+            shares = zip(reference.closed(one), closed, strict=True)
+            return all(own >= max(AS_MUCH * share, PART) for own, share in shares)
 
         alike = [one for one in selection.ranked if one.causes and closes_as_much(one)]
+        alike = [one for one in alike if _lost(one.deviance, selection.chosen, reference) < SMALL_PART]
         chosen = min([chosen, *alike], key=lambda one: len(one.causes))
     if chosen is not selection.chosen:
         selection = selection_of(chosen, selection.ranked, reference)
@@ -130,14 +132,18 @@ def _certain(key: CauseKey, selection: Selection, reference: Reference) -> bool:
     chosen = selection.chosen
     gaps = {cause: largest(chosen.own_gaps[cause]) for cause in chosen.causes}
     without = [one for one in selection.ranked if key not in one.causes]
-    least = min((one.deviance for one in without), default=reference.nominal)
-    lost = (least - chosen.deviance) / max(reference.nominal - chosen.deviance, 1e-9)
+    lost = _lost(min((one.deviance for one in without), default=reference.nominal), chosen, reference)
     closed = min(reference.closed(chosen))
     certain = lost >= PART
     if closed >= HALF:
         unclosed = 1.0 - max([0.0, *(min(reference.closed(one)) for one in without)]) / closed
         certain = max(lost, unclosed) >= PART or (closed >= MOST and min(lost, unclosed) >= SMALL_PART)
     return EFFECTS[key[0]].wired and certain and gaps[key] >= HALF * max(gaps.values())
+
+
+def _lost(deviance: float, chosen: ScoredHypothesis, reference: Reference) -> float:
+    """Share that a hypothesis with this deviance lacks of what the chosen one explains."""
+    return (deviance - chosen.deviance) / max(reference.nominal - chosen.deviance, 1e-9)
 
 
 def only_parameters(causes: Sequence[CauseKey], plant: Plant) -> bool:

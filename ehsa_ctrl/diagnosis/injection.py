@@ -99,39 +99,28 @@ def simulate_injections(
     equations, system = plant.structure.equations, plant.structure.system
     to_inputs = {name: entry.target for name, entry in system.entries.items() if entry.target in system.inputs}
     to_states = {name: entry.target for name, entry in system.entries.items() if name not in to_inputs}
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for i, one in enumerate(injections):
-        groups.setdefault(tuple(id(one.get(name)) for name in to_inputs), []).append(i)
+    outer = np.zeros(current.size) if second_input is None else second_input
 
-    def divisor(name: str) -> np.ndarray | float:
-        return capacity[name] if system.entries[name].capacity else 1.0
+    def mean(injection: Injection, name: str) -> np.ndarray:
+        return injection[name] / (capacity[name] if system.entries[name].capacity else 1.0)
 
-    states = np.full((len(injections), current.size, start.size), np.nan)
-    for members in groups.values():
-        one = injections[members[0]]
-        inputs = [current.copy(), np.zeros(current.size) if second_input is None else second_input.copy()]
-        for name, target in to_inputs.items():
-            if name in one:
-                inputs[system.inputs.index(target)][:-1] += one[name] / divisor(name)
+    def simulate(injection: Injection) -> np.ndarray:
+        inputs = [current.copy(), outer.copy()]
+        for name in (n for n in to_inputs if n in injection):
+            inputs[system.inputs.index(to_inputs[name])][:-1] += mean(injection, name)
         drive, force = inputs
-        with_impulses = [i for i in members if not to_states.keys().isdisjoint(injections[i])]
-        without = [i for i in members if i not in with_impulses]
-        if without:
+        if to_states.keys().isdisjoint(injection):
             batch = simulate_batch(
                 plant, plant.vector[None, :], drive, force=force, hold=system.hold,
-                start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=jobs,
+                start=start[None, :], sample_time=sample_time, tolerance=tolerance, jobs=1,
             )  # fmt: skip
-            states[without] = batch.states[0]
-        if with_impulses:
-            impulses = np.zeros((current.size, len(with_impulses), start.size))
-            for column, i in enumerate(with_impulses):
-                for name, target in to_states.items():
-                    if name in injections[i]:
-                        half = 0.5 * sample_time * injections[i][name] / divisor(name)
-                        impulses[:-1, column, equations.index(target)] = half
-            states[with_impulses] = _simulate_impulses(
-                plant, drive, force, start, sample_time, impulses, tolerance, jobs
-            )
+            return batch.states[0]
+        halves = np.zeros((current.size, start.size))
+        for name in (n for n in to_states if n in injection):
+            halves[:-1, equations.index(to_states[name])] = 0.5 * sample_time * mean(injection, name)
+        return _simulate_impulses(plant, drive, force, start, sample_time, halves, tolerance)
+
+    states = in_threads(simulate, injections, jobs)
     return [{channel: run[:, equations.index(s)] for channel, s in system.outputs.items()} for run in states]
 
 
@@ -143,33 +132,28 @@ def _simulate_impulses(
     dt: float,
     halves: np.ndarray,
     tolerance: float,
-    jobs: int,
 ) -> np.ndarray:
-    """Runs (runs, N, n) with impulses `halves` (N, runs, n) on the states at start and end of each sample."""
+    """States (N, n) with impulses `halves` (N, n) on them at start and end of each sample; NaN if the run stopped."""
     code, lines = plant_code(plant.structure.equations), plant.structure.system.hold == "first_order"
-    samples, runs, n = halves.shape
+    samples, n = halves.shape
     steps = max(int(np.ceil(dt / IMPULSE_SPACING - 1e-9)), 1)
     fine = np.arange((samples - 1) * steps + 1) / steps
     driven, pushed = (np.interp(fine if lines else fine // 1, np.arange(samples), u) for u in (current, force))
-    halves = halves / steps
+    parts = halves / steps
     # At a sample the impulse at the end of the one before joins that at the start of the next one.
-    impulses = np.repeat(2.0 * halves, steps, axis=0)[: fine.size]
-    impulses[::steps] = halves
-    impulses[steps::steps] += halves[:-1]
-    out = np.full((runs, samples, n), np.nan)
-
-    def simulate(run: int) -> None:
-        y = start[None, :].copy()
-        modes, status = initial_modes(plant, y), np.zeros(1, dtype=np.int64)
-        states, cells = np.full((1, fine.size, n), np.nan), np.empty((1, fine.size))
-        run_open_loop(
-            code, plant.vector[None, :], y, modes, initial_carry(plant, 1, dt / steps), driven, pushed, lines,
-            dt / steps, tolerance, states, np.zeros((1, fine.size, modes.shape[1]), dtype=np.int8), cells,
-            np.stack([y, y], axis=1), status=status, impulses=np.ascontiguousarray(impulses[None, :, run]),
-        )  # fmt: skip
-        if not status.any():
-            out[run] = states[0, ::steps]
-
-    list(in_threads(simulate, range(runs), jobs))
-    out[:, 1:] += halves[:-1].swapaxes(0, 1)
+    impulses = np.repeat(2.0 * parts, steps, axis=0)[: fine.size]
+    impulses[::steps] = parts
+    impulses[steps::steps] += parts[:-1]
+    y = start[None, :].copy()
+    modes, status = initial_modes(plant, y), np.zeros(1, dtype=np.int64)
+    states, cells = np.full((1, fine.size, n), np.nan), np.empty((1, fine.size))
+    run_open_loop(
+        code, plant.vector[None, :], y, modes, initial_carry(plant, 1, dt / steps), driven, pushed, lines,
+        dt / steps, tolerance, states, np.zeros((1, fine.size, modes.shape[1]), dtype=np.int8), cells,
+        np.stack([y, y], axis=1), status=status, impulses=np.ascontiguousarray(impulses[None]),
+    )  # fmt: skip
+    if status.any():
+        return np.full((samples, n), np.nan)
+    out = states[0, ::steps].copy()
+    out[1:] += parts[:-1]
     return out

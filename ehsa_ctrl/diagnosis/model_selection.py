@@ -16,9 +16,10 @@ from .signals import largest, largest_beyond
 #: An alternative can't be excluded if its deviance is larger by less than the margin: a constant (12 is a likelihood
 #: ratio of 400), plus a share of the deviance that the best model leaves above noise, plus a share of what it explains.
 MARGIN, MARGIN_UNEXPLAINED, MARGIN_EXPLAINED = 12.0, 0.3, 0.004
-#: An additional cause must lower a gap by this share of the threshold (in quadrature), or the deviance by this share of
-#: what the larger set explains, and by more than the margin, with the second share in place of MARGIN_EXPLAINED.
-MIN_DECREASE, MIN_DEVIANCE_SHARE, MARGIN_ADDED = 0.5, 0.003, 0.003
+#: An additional cause must lower the deviance by more than the margin with this share in place of MARGIN_EXPLAINED.
+MARGIN_ADDED = 0.003
+#: A gap that falls by this share of the threshold (in quadrature) falls by a relevant amount.
+MIN_DECREASE = 0.5
 #: A set dominates another one if it has no more causes and leaves less than this share of its gap, on training and on
 #: held-out data, and both are smaller by MIN_DECREASE. The robust loss alone might prefer the other one: it gives
 #: little weight to large errors in a few blocks, since these may be slips that the simulation missed.
@@ -173,14 +174,8 @@ def _select_smallest(ranked: Sequence[ScoredHypothesis], reference: Reference) -
 
 
 def _improves(larger: ScoredHypothesis, one: ScoredHypothesis, reference: Reference) -> bool:
-    """Whether a larger set of causes is better by a relevant amount, see MIN_DECREASE."""
-    gained = one.deviance - larger.deviance
-    if gained <= reference.margin(larger, MARGIN_ADDED):
-        return False
-    pairs = (one.training_gap, larger.training_gap), (one.held_out_gap, larger.held_out_gap)
-    return any(reference.is_relevant(before, after) for before, after in pairs) or (
-        gained >= MIN_DEVIANCE_SHARE * (reference.capped_nominal - larger.deviance)
-    )
+    """Whether a larger set of causes is better by a relevant amount, see MARGIN_ADDED."""
+    return one.deviance - larger.deviance > reference.margin(larger, MARGIN_ADDED)
 
 
 def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesis, margin: float) -> ScoredHypothesis:

@@ -56,7 +56,7 @@ class Pool:
         """Results in the order of the items.
 
         An interrupt or an error ends the simulations of all threads at once. size: what the time of an item grows with;
-        the largest begin first, so that no thread has one to itself at the end.
+        the largest begin first, so that no large one is left to run alone at the end.
         """
         order = sorted(range(len(items)), key=lambda i: -size(items[i]))
         out: dict[int, Result] = {}

@@ -43,7 +43,10 @@ Result = TypeVar("Result")
 
 
 def in_threads(work: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
-    """Results in the order of the items. An interrupt or an error ends the runs of all threads at once."""
+    """Results in the order of the items. An interrupt or an error ends the runs of all threads at once.
+
+    Within work of such a thread it ends those of the outer threads too: iterate to the end, and catch no error.
+    """
     stop = _end.get() or Event()
     with ThreadPoolExecutor(jobs, initializer=_end.set, initargs=(stop,)) as threads:
         try:

@@ -137,12 +137,25 @@ def test_a_set_that_does_badly_on_held_out_data_gives_way_to_one_that_does_not()
 
 def test_a_part_is_claimed_of_the_smallest_set_that_closes_as_much():
     """A leak that makes a large gap beside air, which no set can do without; 97 % closed with the leak and without."""
-    both = hypothesis(100.0, {"entrained_air": 2.0, "external_leakage": 9.0, "torque_constant": 0.1}, left=0.003)
-    alone = hypothesis(150.0, {"entrained_air": 9.0, "torque_constant": 0.1}, left=0.0031)
-    nothing = hypothesis(990.0, {"torque_constant": 0.1}, left=0.099)
+    numbers = {"torque_constant": 0.1, "rotor_inertia": 0.1}
+    both = hypothesis(100.0, {"entrained_air": 2.0, "external_leakage": 9.0} | numbers, left=0.003)
+    alone = hypothesis(150.0, {"entrained_air": 9.0} | numbers, left=0.0031)
+    nothing = hypothesis(990.0, numbers, left=0.099)
 
     assert claimed(both, alone, nothing) == {"entrained_air"}
     assert claimed(both, replace(alone, training_gap={"total": 0.006}), nothing) is None
+
+
+def test_a_smaller_set_takes_no_claim_away():
+    """Neither one that itself closes less than a third, nor one whose deviance is larger by a fifth of what is
+    explained."""
+    third = hypothesis(100.0, MANY, left=0.0664)
+    small = hypothesis(110.0, {"load_dependent_friction": 0.1}, left=0.0669)
+    nothing = hypothesis(900.0, {"rotor_inertia": 0.1}, left=0.095)
+
+    assert claimed(third, small, nothing) == {"load_dependent_friction"}
+    large = hypothesis(900.0, {"presliding": 0.1}, left=0.021)
+    assert claimed(hypothesis(100.0, MANY, left=0.02), large) == {"load_dependent_friction"}
 
 
 def test_where_the_nominal_model_runs_away_a_small_difference_is_still_small():

@@ -2,9 +2,12 @@
 
 from types import SimpleNamespace as N
 
-from ehsa_ctrl.diagnosis.law import find
+import numpy as np
+
+from ehsa_ctrl.diagnosis.law import find, free_run
 from ehsa_ctrl.diagnosis.law.find import laws_of_best, likely_forms
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
+from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 
 
@@ -65,6 +68,16 @@ def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_
 
     assert found((0.0031, 0.0031))
     assert not found((0.0031, 0.0065)) and not found((0.017, 0.0031))
+
+
+def test_laws_that_are_far_off_as_found_are_not_refitted(monkeypatch):
+    """The smallest gap comes first; a law whose run stops, or that leaves as much as asked or more, is left out."""
+    gaps = {"near": 0.02, "stops": np.inf, "nearest": 0.01, "far": 0.06}
+    monkeypatch.setattr(free_run, "gap_as_found", lambda law, _scoring, _base: gaps[law])
+
+    assert free_run.screen_laws(list(gaps), None, None, Pool(1), 0.06) == ["nearest", "near"]
+    assert free_run.screen_laws(list(gaps), None, None, Pool(1), np.inf) == ["nearest", "near", "far"]
+    assert free_run.screen_laws([], None, None, Pool(1), 0.06) == []
 
 
 def test_the_balance_decides_between_forms_that_a_free_run_hardly_tells_apart():

@@ -57,6 +57,16 @@ def test_alternatives_that_explain_as_much_are_a_set():
     assert 0.2 < found.probability["bulk_modulus", None] < 0.8
 
 
+def test_a_gap_above_one_counts_as_that_of_a_model_that_stands_still():
+    """In margins and shares; a nominal model that runs away would make all causes alike."""
+    still, runs_away = Reference(10.0, 1010.0, 1.0, 0.74), Reference(10.0, 16010.0, 4.0, 0.74)
+    one = hypothesis(110.0, "internal_leakage")
+
+    assert runs_away.capped_nominal == still.capped_nominal == still.nominal == 1010.0
+    assert runs_away.margin(one) == still.margin(one) == pytest.approx(12.0 + 0.3 * 100.0 + 0.004 * 900.0)
+    assert runs_away.unexplained_share(one) == still.unexplained_share(one) == pytest.approx(0.1)
+
+
 def test_a_second_cause_has_to_be_worth_it():
     """A pair that fits better by what a missed slip makes is not two causes; one that closes the gap is."""
     single = hypothesis(5600.0, "rotor_inertia", gap=0.010)

@@ -46,7 +46,9 @@ def test_an_error_ends_the_simulations_of_all_threads(error):
     started, found = threading.Event(), []
 
     def simulate(length):
-        return int(ehsa_ctrl.simulate_batch(plant, plant.vector[None, :], current[:length], jobs=1).status[0])
+        # Two runs in two threads of their own, which end with those of the pool.
+        both = np.vstack([plant.vector, plant.vector])
+        return int(ehsa_ctrl.simulate_batch(plant, both, current[:length], jobs=2).status.max())
 
     def work(item):
         if item == "fail":

@@ -36,5 +36,4 @@ def test_every_kind_runs_every_scenario(kind):
         loop = case.simulate(case.nonlinear)
 
         assert np.isfinite(loop.asked).all(), name
-        assert len(loop.trajectory) == loop.asked.size or loop.trajectory.exceeded, name
         assert np.isfinite(case.metrics(loop)["CurrentRMS"]), name

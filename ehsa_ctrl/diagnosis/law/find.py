@@ -31,9 +31,10 @@ MOST, LIKELY = 6, 0.02
 EACH = 4
 #: A law must explain this share of the unknown input more than the placebo does.
 MORE = 0.1
-#: A law is refitted if it leaves, as it was found, less than the threshold or at most so many times what no law leaves:
-#: one of a regression, and one of a standstill, whose factor is only where a refit may start. On the bench true laws
-#: left 0.05 to 0.7 times that, and on records of a servo those of a standstill 1.3 to 4 times, before a refit a fifth.
+#: A law is refitted if it leaves, as it was found, less than the threshold or than so many times what is left without a
+#: law: one of a regression, and one of a standstill, whose factor is only where a refit may start. On the bench true
+#: laws left 0.05 to 0.7 times that, and one 2.2 times, of a tenth of the threshold. On records of a servo those of a
+#: standstill left 1.3 to 4 times that, and a fifth to three quarters of it once they were refitted.
 FAR, FAR_HELD = 2.0, 8.0
 #: Where causes explain the gap, but leave this share of the nominal deviance above noise, a law may be what they
 #: imitate. On tuning seeds with a rig's errors causes of the catalogue left at most 0.05 of it, those in place of an
@@ -137,9 +138,9 @@ def find_law(
     bases = [base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
-    least = max(min(one.training_gap["total"] for one in without), scoring.threshold / FAR)
+    left = min(one.training_gap["total"] for one in without)
     pairs = zip(bases, without, strict=True)
-    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, least, pool)]
+    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool)]
     tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
     return _select(tried, without[-1], reference)
 
@@ -243,17 +244,19 @@ def without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
 
 
 def _try(
-    base: LawBase, without: ScoredHypothesis, scoring: Scoring, most: int, least: float, pool: Pool
+    base: LawBase, without: ScoredHypothesis, scoring: Scoring, most: int, left: float, pool: Pool
 ) -> list[_Tried]:
-    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. least: smallest
-    gap on the training data that a law has to be compared with."""
+    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. left: smallest
+    gap that a hypothesis without a law leaves on the training data.
+    """
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in beyond_chance(fits, share)]
     held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
-    chosen = screen_laws(held, scoring, base.fit, pool, FAR_HELD * least)
-    chosen += promising(sums, scoring, base.fit, most, FAR * least, pool)
+    far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
+    chosen = screen_laws(held, scoring, base.fit, pool, far_held)
+    chosen += promising(sums, scoring, base.fit, most, far, pool)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
@@ -277,10 +280,10 @@ def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
 
 
 def promising(
-    sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, most: int, most_left: float, pool: Pool
+    sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, most: int, far: float, pool: Pool
 ) -> list[LawFit]:
-    """The laws that leave least of the gap as they were found, at most `most_left`, of different inputs and terms."""
-    return _varied(screen_laws(sums, scoring, fit, pool, most_left))[:most]
+    """The laws that leave least of the gap as they were found, less than `far`, of different inputs and terms."""
+    return _varied(screen_laws(sums, scoring, fit, pool, far))[:most]
 
 
 def _explained(law: LawFit, inputs: Sequence[LawInput]) -> float:

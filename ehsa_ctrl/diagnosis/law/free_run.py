@@ -187,17 +187,15 @@ def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit) -> float:
     return gap if np.isfinite(gap) else np.inf
 
 
-def screen_laws(
-    laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, most_left: float
-) -> list[LawFit]:
-    """The laws by the gap that they leave on the training data as they were found, the smallest first; those that leave
-    more than `most_left` are left out.
+def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, far: float) -> list[LawFit]:
+    """The laws by the gap that they leave on the training data as they were found, the smallest first; without those
+    that leave `far` or more.
 
     A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
     the pressures balance the friction.
     """
     gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base), list(laws))
-    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] <= most_left]
+    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] < far]
 
 
 def refit_laws(

@@ -170,9 +170,9 @@ class _FoldTerms:
         """C: (windows, m) columns of the terms."""
         self._fit, self._error, self._left = fold.of(C)
         self._rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        self._weigh(fold)
+        self._set_target(fold)
 
-    def _weigh(self, fold: _Fold) -> None:
+    def _set_target(self, fold: _Fold) -> None:
         fit, error, left = fold.values
         self.g = (self._fit.T @ fit - self._error.T @ error)[:, 0]
         self.t = (self._left.T @ left)[:, 0]
@@ -181,7 +181,7 @@ class _FoldTerms:
     def of_other(self, fold: _Fold) -> _FoldTerms:
         """The same terms for another unknown input over the same windows, with the same mean square."""
         other = copy(self)
-        other._weigh(fold)
+        other._set_target(fold)
         return other
 
     @cached_property
@@ -245,7 +245,7 @@ class _SumProblem:
 
     @property
     def total(self) -> float:
-        """Square of what the terms explain."""
+        """Sum of squares of the unknown input."""
         return float(self.target.values @ self.target.values)
 
     @cached_property
