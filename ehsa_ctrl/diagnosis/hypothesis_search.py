@@ -58,11 +58,6 @@ class Task(NamedTuple):
         names = {name for candidate in self.candidates for name in candidate.names}
         return self._replace(start={name: value for name, value in self.start.items() if name in names})
 
-    @property
-    def size(self) -> int:
-        """Number of effects."""
-        return len(self.candidates)
-
 
 @dataclass(frozen=True)
 class Hypotheses:
@@ -128,7 +123,7 @@ class Hypotheses:
                 known = near.sensitivities
             return refit(self.objective, candidates, start, known, steps=steps, renew_after=renew_after)
 
-        return self.with_fits(self.pool.map(stage, work, tasks, lambda task: task.size))
+        return self.with_fits(self.pool.map(stage, work, tasks, lambda task: len(task.candidates)))
 
     def with_converged_refits(self, tasks: Sequence[Task], stage: str, windows: Segment | None = None) -> Hypotheses:
         """Refit hypotheses from given values until their costs no longer fall.
@@ -142,7 +137,7 @@ class Hypotheses:
         def work(task: Task) -> HypothesisFit | None:
             return refit_until_converged(objective, task.candidates, task.start)
 
-        fits = self.pool.map(stage, work, tasks, lambda task: task.size)
+        fits = self.pool.map(stage, work, tasks, lambda task: len(task.candidates))
         found = self.with_fits(fits)
         if windows is None or not any(fits):
             return found

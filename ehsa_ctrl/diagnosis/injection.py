@@ -106,8 +106,9 @@ def simulate_injections(
 
     def simulate(injection: Injection) -> np.ndarray:
         inputs = [current.copy(), outer.copy()]
-        for name in (n for n in to_inputs if n in injection):
-            inputs[system.inputs.index(to_inputs[name])][:-1] += mean(injection, name)
+        for name, target in to_inputs.items():
+            if name in injection:
+                inputs[system.inputs.index(target)][:-1] += mean(injection, name)
         drive, force = inputs
         if to_states.keys().isdisjoint(injection):
             batch = simulate_batch(
@@ -116,8 +117,9 @@ def simulate_injections(
             )  # fmt: skip
             return batch.states[0]
         halves = np.zeros((current.size, start.size))
-        for name in (n for n in to_states if n in injection):
-            halves[:-1, equations.index(to_states[name])] = 0.5 * sample_time * mean(injection, name)
+        for name, target in to_states.items():
+            if name in injection:
+                halves[:-1, equations.index(target)] = 0.5 * sample_time * mean(injection, name)
         return _simulate_impulses(plant, drive, force, start, sample_time, halves, tolerance)
 
     states = in_threads(simulate, injections, jobs)
