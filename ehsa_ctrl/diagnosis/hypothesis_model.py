@@ -115,7 +115,13 @@ def is_applicable(structure: Structure, effect: str) -> bool:
 
 def _acts(effect: Effect, values: Setting, plant: Plant) -> bool:
     """Whether an effect of a plant acts with these values."""
-    return not effect.parameters or any(values.get(p.name, plant[p.name]) != p.neutral for p in effect.parameters)
+    if not effect.parameters:
+        return True
+    own = [values.get(p.name, plant[p.name]) for p in effect.parameters]
+    first = effect.parameters[0]
+    if first.negligible > 0.0 and abs(own[0] - first.neutral) <= first.negligible:
+        return False
+    return any(value != p.neutral for p, value in zip(effect.parameters, own, strict=True))
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,31 @@ def test_a_late_drive_follows_every_number_of_its_sensor(rig):
     assert np.max(np.abs(biased["speed"] - first["speed"])) > 1.0
 
 
+@pytest.mark.parametrize(
+    "first",
+    [p for effect in EFFECTS.values() for p in effect.parameters[:1] if p.negligible],
+    ids=lambda first: first.name,
+)
+def test_a_negligible_effect_is_not_simulated(rig, first):
+    """Its equations are stiff there; just above, it acts and changes no signal by more than the noise of its sensor."""
+    log = record(rig)
+    model = HypothesisModel(with_every_effect(rig), log)
+    nominal, below, above = model.run([{}, *({first.name: f * first.negligible} for f in (1e-3, 1.01))])
+
+    for channel, values in nominal.items():
+        np.testing.assert_array_equal(below[channel], values)
+        assert np.sqrt(np.mean((above[channel] - values) ** 2)) < NOISE[channel]
+    assert any(np.any(above[channel] != values) for channel, values in nominal.items())
+
+
+def test_a_second_parameter_does_not_make_a_negligible_effect_act(rig):
+    """A lag of second order without a time constant is no lag."""
+    model = HypothesisModel(with_every_effect(rig), record(rig))
+    nominal, short = model.run([{}, {"tau_I": 1e-6, "b_I": 1.0}])
+
+    np.testing.assert_array_equal(short["speed"], nominal["speed"])
+
+
 def test_a_run_with_the_acting_effects_alone_is_that_with_all(rig):
     """To the last bit, for an effect with states, one without, a law of the rod, and effects of the plant itself."""
     log = record(rig)

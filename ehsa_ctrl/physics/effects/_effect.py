@@ -41,6 +41,8 @@ class EffectParameter:
     detectable: size of a change that a log shows; by default a tenth of the way from neutral to typical.
     search: bounds for the search of a diagnosis, if narrower than the physical ones.
     shape: whether it is a location or shape, which has no effect while the first parameter is neutral.
+    negligible: of an effect's first parameter, distance from neutral up to which a diagnosis simulates without the
+        effect: no log shows it, and its equations are stiff there.
     """
 
     name: str
@@ -54,6 +56,7 @@ class EffectParameter:
     detectable: float | None = None
     search: tuple[float, float] | None = None
     shape: bool = False
+    negligible: float = 0.0
 
     @property
     def scale(self) -> float:

@@ -42,7 +42,9 @@ effect = Effect(
     fingerprint="torque error proportional to the rate of the current: after steps, not at steady current",
     changes={"current": current},
     parameters=(
-        EffectParameter("tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf, detectable=1e-3, search=(0.0, 0.1)),
+        EffectParameter(
+            "tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf, detectable=1e-3, search=(0.0, 0.1), negligible=2e-5
+        ),
         EffectParameter("b_I", "1", "second order: b_I tau_I^2 I'' + tau_I I' + I", 0.0, 0.0, 0.0),
     ),
     states=(EffectState("I_A", "A", 1.0, starts_at="current"), EffectState("V_A", "A/s", 1e3)),

@@ -77,7 +77,10 @@ effect = Effect(
     summary="elastic sliders of the rod's friction, which slip one after the other (Maxwell slip)",
     fingerprint="hysteresis of force over position at reversals, with a memory of several reversals",
     changes={"F_FR": friction, "F_net": net_force},
-    parameters=(EffectParameter("s_slip", "m/N", "compliance of the rod at rest", 0.0, 5e-8, 0.0, 1e-5),),
+    parameters=(
+        # Negligible as for the bristles of `presliding`.
+        EffectParameter("s_slip", "m/N", "compliance of the rod at rest", 0.0, 5e-8, 0.0, 1e-5, negligible=1e-9),
+    ),
     states=tuple(EffectState(f"z_S{k}", "m", 1e-5) for k in (1, 2, 3)),
     adds={"z_S1_dot": rate_1, "z_S2_dot": rate_2, "z_S3_dot": rate_3},
     extends="presliding",
