@@ -1,7 +1,8 @@
 """The model of all hypotheses: the plant with all effects of the catalogue, each neutral unless a hypothesis sets it.
 
 An effect at its neutral value does not change the plant, to the last bit. Each hypothesis is therefore simulated with
-those effects alone that act in it: a run with all of them takes three times as long.
+those effects alone that act in it: a run with all of them takes three times as long. A negligible effect does not act
+(`EffectParameter.negligible`).
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def is_applicable(structure: Structure, effect: str) -> bool:
 
 
 def _acts(effect: Effect, values: Setting, plant: Plant) -> bool:
-    """Whether an effect of a plant acts with these values."""
+    """Whether an effect of a plant acts with these values, and is not negligible."""
     if not effect.parameters:
         return True
     own = [values.get(p.name, plant[p.name]) for p in effect.parameters]
