@@ -119,8 +119,7 @@ def _acts(effect: Effect, values: Setting, plant: Plant) -> bool:
     if not effect.parameters:
         return True
     own = [values.get(p.name, plant[p.name]) for p in effect.parameters]
-    first = effect.parameters[0]
-    if first.negligible > 0.0 and abs(own[0] - first.neutral) <= first.negligible:
+    if effect.parameters[0].is_negligible(own[0]):
         return False
     return any(value != p.neutral for p, value in zip(effect.parameters, own, strict=True))
 

@@ -42,6 +42,8 @@ def improved_plant(
     known_effects = {**EFFECTS.members(), **{c.effect.name: c.effect for c in candidates}}
     effects = {n: e for n, e in known_effects.items() if e.wired and (n in named or e.extends in named)}
     effects = {n: e for n, e in effects.items() if any(p.name in values for p in e.parameters)}
+    first = [p for effect in known_effects.values() for p in effect.parameters[:1] if p.name in values]
+    found |= {p.name: p.neutral for p in first if p.is_negligible(values[p.name])}
     structure = replace(structure, effects=tuple(dict.fromkeys([*structure.effects, *with_extended(effects)])))
     for name, effect in effects.items():
         added |= {p.name: _default_parameter(name, p) for p in effect.parameters if p.name not in plant.parameters}

@@ -58,6 +58,15 @@ def test_what_a_plant_has_of_an_effect_stays(plant):
     assert better["P_open"] == -1e4 and better.parameters["P_open"].source == "identified"
 
 
+@pytest.mark.parametrize("known", [{}, {"tau_I": 2e-3}], ids=["catalogue", "own"])
+def test_a_negligible_effect_is_written_as_absent(plant, known):
+    """Also where the plant has it: a lag of 1 us was not simulated, and would make the corrected plant stiff."""
+    nominal = plant.with_effects("drive_lag", **known) if known else plant
+    better = improved_plant(nominal, candidate("drive_lag"), {"tau_I": 1e-6, "b_I": 1.0}, {})
+
+    assert better["tau_I"] == 0.0
+
+
 def test_bristles_are_found_by_their_softness(plant):
     """Stiffness is its inverse, with the same relative deviation; a damping that was not fitted is assumed."""
     values, sd = {"softness_FR": 2e-8, "C_FR": 150.0}, {"softness_FR": 2e-9, "C_FR": 10.0}

@@ -63,6 +63,10 @@ class EffectParameter:
         """Size of a change that a log shows."""
         return self.detectable if self.detectable is not None else 0.1 * abs(self.typical - self.neutral)
 
+    def is_negligible(self, value: float) -> bool:
+        """Whether a diagnosis simulates without the effect at this value of its first parameter."""
+        return self.negligible > 0.0 and abs(value - self.neutral) <= self.negligible
+
 
 @dataclass(frozen=True)
 class EffectState:
