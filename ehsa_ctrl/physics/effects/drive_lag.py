@@ -42,7 +42,7 @@ effect = Effect(
     fingerprint="torque error proportional to the rate of the current: after steps, not at steady current",
     changes={"current": current},
     parameters=(
-        # A lag of 20 us moves the speed in a log of noise by 0.08 % of its spread, and the run takes 24 times as long.
+        # A lag of 20 us changes the speed under a noise current by 0.08 % of its spread, and slows the run 24 times.
         EffectParameter(
             "tau_I", "s", "time constant", 0.0, 2e-3, 0.0, inf, detectable=1e-3, search=(0.0, 0.1), negligible=2e-5
         ),

@@ -19,6 +19,9 @@ from ._effect import Effect, EffectParameter, EffectState
 BAND = 0.03
 #: Share of the dry friction that the rigid slider holds.
 RIGID = 0.02
+#: Compliance [m/N] of a rod that sticks. Engineering judgement: a log can't distinguish stiffer springs or bristles,
+#: 1e9 N/m, from exact sticking.
+NEGLIGIBLE_COMPLIANCE = 1e-9
 
 
 def sticking(v: float, z: float, limit: float) -> float:
@@ -78,8 +81,9 @@ effect = Effect(
     fingerprint="hysteresis of force over position at reversals, with a memory of several reversals",
     changes={"F_FR": friction, "F_net": net_force},
     parameters=(
-        # Negligible as for the bristles of `presliding`.
-        EffectParameter("s_slip", "m/N", "compliance of the rod at rest", 0.0, 5e-8, 0.0, 1e-5, negligible=1e-9),
+        EffectParameter(
+            "s_slip", "m/N", "compliance of the rod at rest", 0.0, 5e-8, 0.0, 1e-5, negligible=NEGLIGIBLE_COMPLIANCE
+        ),
     ),
     states=tuple(EffectState(f"z_S{k}", "m", 1e-5) for k in (1, 2, 3)),
     adds={"z_S1_dot": rate_1, "z_S2_dot": rate_2, "z_S3_dot": rate_3},

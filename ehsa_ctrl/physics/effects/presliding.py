@@ -10,7 +10,7 @@ from math import sqrt
 from .. import load
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, starting_points
 from ._effect import Effect, LawSwitch
-from .maxwell_slip import sliders
+from .maxwell_slip import NEGLIGIBLE_COMPLIANCE, sliders
 
 COMPLIANCE, DAMPING = "softness_FR", "sigma_1_FR"
 
@@ -63,8 +63,7 @@ effect = Effect(
         number=COMPLIANCE,
         parameter="sigma_0_FR",
         reported="sigma_0",
-        # Engineering judgement: a log can't distinguish stiffer bristles, 1e9 N/m, from exact sticking.
-        threshold=1e-9,
+        threshold=NEGLIGIBLE_COMPLIANCE,
         defaults={DAMPING: critical_damping},
         state="z_R",
         deflection=deflection,
