@@ -85,7 +85,7 @@ class Search:
     def of(cls, plant: Plant, log: Log) -> Search:
         prepared = prepare_logs(plant, [log], None, THRESHOLD, check=True)
         segments = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=False)
-        pool = Pool(1, None)
+        pool = Pool()
         objective, sensitivities = objective_of(segments.training, THRESHOLD)
         start = Hypotheses.initial(objective, (), sensitivities, pool)
         start = start.with_refits([Task((), {})], "nominal parameters", steps=6)

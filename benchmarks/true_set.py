@@ -84,7 +84,7 @@ def compare(cases: Path, name: str, key: Mapping[str, Any], answer: Mapping[str,
         return Comparison(name, *names, None, ABSENT)
     tasks = [Task(tuple(one for one in named if one), _sizes(answer["effects"]))]
     tasks += [Task(members, _starts(members) | _sizes(effects)) for members in true_sets]
-    hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
+    hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool())
     windows = windows_of([one.plant for one in prepared.logs], segments.training)
     for _ in range(2):
         # Again with the level of the best: blocks that it leaves are weighted down.

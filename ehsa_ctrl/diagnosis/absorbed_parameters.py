@@ -135,7 +135,7 @@ def _alone(one: ScoredHypothesis, hypotheses: Hypotheses, scoring: Scoring) -> S
     """The values of a set of causes, fitted with all other parameters at their nominal values."""
     objective = scoring.objective
     none = np.zeros(0)
-    alone = replace(objective, nominal=NominalParameters((), none, none, none), jobs=hypotheses.pool.jobs)
+    alone = replace(objective, nominal=NominalParameters((), none, none, none))
     members = exact_members(one, hypotheses.candidates, scoring.ids)
     there = {c.key for c in members}
     members = (*members, *(c for c in one.fit.candidates if c.key not in there))

@@ -21,6 +21,7 @@ from ..core.parallel import one_blas_thread
 from ..core.text import join_words
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant
+from ..simulation.threads import sharing_threads
 from ..simulation.trajectory import versions
 from .absorbed_parameters import with_absorbed_parameters, with_determined_parameters
 from .causes import build_causes, related_effects
@@ -128,9 +129,27 @@ def diagnose(
         return _build_diagnosis(
             prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2
         )
+    with sharing_threads(jobs or os.cpu_count() or 1):
+        return _diagnose_gap(prepared, segments, gaps, own_gaps, without, watch, began)
+
+
+def _diagnose_gap(
+    prepared: PreparedLogs,
+    segments: Segments,
+    gaps: Mapping[str, float],
+    own_gaps: Sequence[Mapping[str, float]],
+    without: Collection[str],
+    watch: Watch | None,
+    began: float,
+) -> Diagnosis:
+    """The result where there is a gap: search, selection, sizes.
+
+    gaps, own_gaps, began: see `_diagnose_selection`. without, watch: see `diagnose`.
+    """
+    threshold = prepared.threshold
     objective, sensitivities = objective_of(segments.training, threshold)
     lumped = lacks_dry_friction(prepared.model.plant)
-    pool = Pool(jobs or os.cpu_count() or 1, watch)
+    pool = Pool(watch)
     plants = [one.plant for one in prepared.logs]
     searched = search_segment(plants, segments.training)
     all_data = searched is segments.training
@@ -165,7 +184,7 @@ def diagnose(
     pool.progress.begin(1.0 - pool.progress.end)
     pool.progress.report("sizes", 0.0)
     selection, hypotheses = with_absorbed_parameters(selection, hypotheses, scoring, reference)
-    selection, sd = with_sizes(selection, scoring, pool.jobs)
+    selection, sd = with_sizes(selection, scoring)
     selection = with_determined_parameters(selection, sd, scoring)
     sd = of_causes(selection, scoring, sd)
     pool.progress.report("place of the gap", 1.0)
@@ -275,11 +294,11 @@ def _diagnose_selection(
 
     def explained(selection: Selection, sd: Mapping[str, float]) -> tuple[Plant, Explanation]:
         improved, logs = with_causes_of(selection.chosen.fit, sd)
-        return improved, explain(selection, reference, prepared.threshold, logs, hypotheses.pool.jobs)
+        return improved, explain(selection, reference, prepared.threshold, logs)
 
     improved, explanation = explained(selection, sd)
     if explanation.verdict == "outside_catalogue" and (part := claimable_part(selection, reference)) is not None:
-        selection, sd = with_sizes(part, scoring, hypotheses.pool.jobs)
+        selection, sd = with_sizes(part, scoring)
         sd = of_causes(selection, scoring, sd)
         improved, explanation = explained(selection, sd)
         explanation = replace(explanation, verdict="partly")
@@ -295,7 +314,7 @@ def _diagnose_selection(
         improved = improved_plant(plant, (), refitted, {})
     with_effects = chosen.fit.values if selection.named else nominal_refit
     values: dict[str, Setting] = {"nominal": {}, "refit": nominal_refit, "with_effects": with_effects}
-    locations = [attribute_gap(one.plant, one.log, one.noise, hypotheses.pool.jobs) for one in prepared.logs]
+    locations = [attribute_gap(one.plant, one.log, one.noise) for one in prepared.logs]
     location = joint_location(
         {one.log.name: place for one, place in zip(prepared.logs, locations, strict=True)},
         [own["total"] for own in own_gaps] or [1.0] * len(locations),

@@ -68,16 +68,15 @@ def explain(
     reference: Reference,
     threshold: float,
     logs: Sequence[CurveLog],
-    jobs: int = 1,
 ) -> Explanation:
     """The verdict on a selection.
 
-    logs: with the plant that has the selected causes. jobs: number of threads.
+    logs: with the plant that has the selected causes.
     """
     left = reference.left(selection.chosen)
     if selection.misfit <= 1.0 and left < MUCH_LEFT * threshold:
         return Explanation(selection.verdict, left)
-    curve = free_curve(logs, jobs)
+    curve = free_curve(logs)
     # Several wrong numbers together imitate an unknown effect: they have to leave less.
     simple = len(selection.chosen.causes) <= FEW
     limit = threshold if simple else MANY_LEFT * threshold

@@ -53,9 +53,9 @@ class CurveLog:
     held_out: tuple[slice, ...]
 
 
-def free_curve(logs: Sequence[CurveLog], jobs: int = 1) -> FreeCurve | None:
-    """The best free curve of a rig; None where the logs show no balance. jobs: number of threads."""
-    cases = _with_curves([InjectionCase.of(one.plant, one.log, one.noise, jobs) for one in logs], logs)
+def free_curve(logs: Sequence[CurveLog]) -> FreeCurve | None:
+    """The best free curve of a rig; None where the logs show no balance."""
+    cases = _with_curves([InjectionCase.of(one.plant, one.log, one.noise) for one in logs], logs)
     forms = [_curve_forms(case) for case in cases]
     if not forms[0]:
         return None

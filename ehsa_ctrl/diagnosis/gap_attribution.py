@@ -105,7 +105,7 @@ class Location:
         return "\n".join(lines)
 
 
-def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float], jobs: int = 1) -> Location:
+def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Location:
     """Find the place of the gap between a log and the nominal plant.
 
     Parameters
@@ -113,9 +113,8 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float], jobs: int 
     plant: nominal plant, linear or nonlinear; its sensor models are inverted before signals are compared.
     log: channels in SI units. Places whose balances it does not show get what the others leave unexplained.
     noise: channel -> standard deviation, see `signals.estimate_noise`.
-    jobs: number of threads.
     """
-    case = InjectionCase.of(plant, log, noise, jobs).with_curves()
+    case = InjectionCase.of(plant, log, noise).with_curves()
     (run,) = case.run([{}])
     base = case.gap.squared_gap(run)
     case = replace(case, gap=replace(case.gap, nominal=max(float(base.sum()), 1e-300)))

@@ -163,8 +163,14 @@ class HypothesisModel:
             return float(getattr(self.plant.sensors[channel], setting))
         return 0.0
 
-    def run(self, settings: Sequence[Setting], jobs: int = 1) -> list[dict[str, np.ndarray] | None]:
-        """Simulate each setting with the logged inputs: channel -> sensor reading (N,); None if the run stopped."""
+    def run(
+        self, settings: Sequence[Setting], start: Mapping[str, float] | None = None
+    ) -> list[dict[str, np.ndarray] | None]:
+        """Simulate each setting with the logged inputs: channel -> sensor reading (N,); None if the run stopped.
+
+        start: in the place of the model's.
+        """
+        first = self.start if start is None else start
         settings = [values_in_log(values, self.label) for values in settings]
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
@@ -175,13 +181,13 @@ class HypothesisModel:
         for members in groups.values():
             one, drive = acting[members[0]], drives[members[0]]
             rows = np.array([one.parameters(self._changed(one, settings[i])) for i in members])
-            start = None
-            if self.start is not None:
-                given = self.start, self.plant.sensors, drive[0], self._switches
-                start = np.array([one.start(settings[i], *given) for i in members])
+            states = None
+            if first is not None:
+                given = first, self.plant.sensors, drive[0], self._switches
+                states = np.array([one.start(settings[i], *given) for i in members])
             batch = simulate_batch(
                 one.plant, rows, drive, force=self._outer_input, hold=self.plant.structure.system.hold,
-                start=start, sample_time=self.log.sample_time, tolerance=self.tolerance, jobs=jobs,
+                start=states, sample_time=self.log.sample_time, tolerance=self.tolerance, jobs=1,
             )  # fmt: skip
             for j, i in enumerate(members):
                 if batch.status[j] == 0:

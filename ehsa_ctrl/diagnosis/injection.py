@@ -9,8 +9,9 @@ import numpy as np
 
 from ..plant.plant import Plant
 from ..plant.system import System
-from ..simulation.engine import in_threads, initial_carry, initial_modes, run_open_loop, simulate_batch
+from ..simulation.engine import initial_carry, initial_modes, run_open_loop, simulate_batch
 from ..simulation.plant_code import plant_code
+from ..simulation.threads import in_threads
 from .signals import scored_signals, signal_noise
 
 #: Longest time between two impulses by which a flow is injected [s]: the flow of half a hydraulic period in a single
@@ -85,7 +86,6 @@ def simulate_injections(
     capacity: Mapping[str, np.ndarray],
     tolerance: float = 1e-5,
     second_input: np.ndarray | None = None,
-    jobs: int = 1,
 ) -> list[dict[str, np.ndarray]]:
     """Simulate the plant with unknown inputs: channel -> (N,) for each injection; NaN if the run stopped.
 
@@ -94,7 +94,7 @@ def simulate_injections(
     half of its integral at each end of a sample, or of a fraction of a sample of at most IMPULSE_SPACING.
 
     current, second_input: (N,) inputs of the system; the second is zero by default. start: (n,). capacity: see
-    `UnknownInputs`. jobs: number of threads.
+    `UnknownInputs`.
     """
     equations, system = plant.structure.equations, plant.structure.system
     to_inputs = {name: entry.target for name, entry in system.entries.items() if entry.target in system.inputs}
@@ -122,7 +122,7 @@ def simulate_injections(
                 halves[:-1, equations.index(target)] = 0.5 * sample_time * mean(injection, name)
         return _simulate_impulses(plant, drive, force, start, sample_time, halves, tolerance)
 
-    states = in_threads(simulate, injections, jobs)
+    states = in_threads(simulate, injections)
     return [{channel: run[:, equations.index(s)] for channel, s in system.outputs.items()} for run in states]
 
 

@@ -175,16 +175,14 @@ class RunCount:
 class Objective:
     """What a refit minimises: Cauchy's loss of the residuals in blocks, plus the priors of the nominal parameters.
 
-    level: typical mean square of a block; blocks far above it are weighted down. jobs: threads for the
-    runs of a Jacobian, for fits that are not made in parallel. segment: what is fitted; by default the whole log of
-    `model`. converged: a step of a fit that lowers the cost by less is the last one.
+    level: typical mean square of a block; blocks far above it are weighted down. segment: what is fitted;
+    by default the whole log of `model`. converged: a step of a fit that lowers the cost by less is the last one.
     """
 
     model: HypothesisModel
     scale: ResidualScale
     nominal: NominalParameters
     level: float = 1.0
-    jobs: int = 1
     count: RunCount = field(default_factory=RunCount, repr=False)
     segment: Segment | None = field(default=None, repr=False)
     converged: float = CONVERGED
@@ -204,7 +202,7 @@ class Objective:
         self.count.total += len(settings)
         out: list[np.ndarray | None] = []
         records = self.records
-        for runs in run_records(records, settings, self.jobs):
+        for runs in run_records(records, settings):
             r = None if runs is None else self.scale.residual_of(records, runs)
             out.append(r if r is not None and np.max(np.abs(r)) < DIVERGED else None)
         return out

@@ -72,7 +72,7 @@ class InjectionCase:
     """A nominal plant, a log, and the unknown inputs between them.
 
     current, second_input: (N,) inputs of the system. start: (n,) initial state. curves: unknown input -> fitted curves,
-    the best first. jobs: number of threads of its simulations.
+    the best first.
     """
 
     plant: Plant
@@ -84,17 +84,16 @@ class InjectionCase:
     signals: BalanceSignals
     unknown: UnknownInputs
     curves: Mapping[str, Sequence[Curve]]
-    jobs: int = 1
 
     @classmethod
-    def of(cls, plant: Plant, log: Log, noise: Mapping[str, float], jobs: int = 1) -> InjectionCase:
+    def of(cls, plant: Plant, log: Log, noise: Mapping[str, float]) -> InjectionCase:
         """Evaluate the balances of a plant on a log; without curves."""
         system, start = plant.structure.system, find_initial_state(plant, log).state
         logged_drive, second_input = logged_inputs(plant, log)
         plant, current = acting_drive(plant, logged_drive, log.sample_time)
         signals = balance_signals(plant, log, current, noise, start, second_input)
         gap = GapMeasure.of(system, undo_sensors(plant, log), noise, log.sample_time)
-        return cls(plant, log, current, second_input, start, gap, signals, unknown_inputs(plant, signals), {}, jobs)
+        return cls(plant, log, current, second_input, start, gap, signals, unknown_inputs(plant, signals), {})
 
     def with_log(self, log: Log, noise: Mapping[str, float]) -> InjectionCase:
         """The same inputs and start with the balances of another log, for example with a sensor error corrected."""
@@ -121,7 +120,7 @@ class InjectionCase:
         """Channel -> (N,) for each injection."""
         return simulate_injections(
             self.plant, self.current, self.start, self.log.sample_time, injections, self.unknown.capacity,
-            second_input=self.second_input, jobs=self.jobs,
+            second_input=self.second_input,
         )  # fmt: skip
 
     def inject(self, rows: Sequence[Mapping[str, Form]]) -> list[PlaceSet]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from ..simulation.engine import in_threads
+from ..simulation.threads import in_threads
 
 Watch = Callable[[str, int, int], None]
 Item = TypeVar("Item")
@@ -40,10 +40,9 @@ class DiagnosisProgress:
 
 
 class Pool:
-    """Threads: the engine releases Python's interpreter lock. watch: see `diagnose`."""
+    """Work of a stage on all threads of the diagnosis (`sharing_threads`). watch: see `diagnose`."""
 
-    def __init__(self, jobs: int = 1, watch: Watch | None = None) -> None:
-        self.jobs = jobs
+    def __init__(self, watch: Watch | None = None) -> None:
         self.progress = DiagnosisProgress(watch)
 
     def map(
@@ -60,7 +59,7 @@ class Pool:
         """
         order = sorted(range(len(items)), key=lambda i: -size(items[i]))
         out: dict[int, Result] = {}
-        for i, result in zip(order, in_threads(work, [items[i] for i in order], self.jobs), strict=True):
+        for i, result in zip(order, in_threads(work, [items[i] for i in order]), strict=True):
             out[i] = result
             self.progress.report(stage, len(out) / len(items))
         return [out[i] for i in range(len(items))]

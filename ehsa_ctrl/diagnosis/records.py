@@ -94,7 +94,7 @@ class Record:
             start |= {state: start[state] + level for state in system.pressures}
         for name in self._angles:
             start[name] = self._angle_of_run_in(name, start, values)
-        return replace(model, start=start).run([values])[0] or found
+        return model.run([values], start)[0] or found
 
     def _angle_of_run_in(self, name: str, start: Mapping[str, float], values: Setting) -> float:
         """The first value of an angle with which the run-in is simulated best.
@@ -105,7 +105,7 @@ class Record:
         run_in = replace(self, model=model, parts=(slice(0, None),))
 
         def error(angle: float) -> float:
-            (run,) = replace(model, start={**start, name: angle}).run([values])
+            (run,) = model.run([values], {**start, name: angle})
             return np.inf if run is None else run_in.change(model.log.channels, run)["total"]
 
         step = 2.0 * np.pi / ANGLES
@@ -240,10 +240,10 @@ class Segment:
         return out
 
 
-def run_records(records: Sequence[Record], settings: Sequence[Setting], jobs: int = 1) -> list[Runs | None]:
-    """Simulate each setting on each record in `jobs` threads; None if a run stopped."""
+def run_records(records: Sequence[Record], settings: Sequence[Setting]) -> list[Runs | None]:
+    """Simulate each setting on each record; None if a run stopped."""
     found: list[Runs | None] = []
-    for runs in zip(*(record.model.run(settings, jobs) for record in records), strict=True):
+    for runs in zip(*(record.model.run(settings) for record in records), strict=True):
         complete = tuple(run for run in runs if run is not None)
         found.append(complete if len(complete) == len(runs) else None)
     return found

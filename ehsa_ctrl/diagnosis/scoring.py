@@ -283,7 +283,9 @@ def score_hypotheses(
     near = neighbours(hypotheses, [one.fit for one in bases], searched or scoring.training)
     hypotheses = hypotheses.with_compared_refits(near, "neighbouring sets", beside=exact)
     scores = score_best(hypotheses, refined)
-    scores += new_scores(hypotheses, scoring, hypotheses.fits_of([*exact, *near]), scores)
+    last = hypotheses.fits_of([*exact, *near])
+    scores += [one for one in found if any(one.fit is fit for fit in last)]
+    scores += new_scores(hypotheses, scoring, last, scores)
     if not any(np.isfinite(one.deviance) for one in scores):
         raise InputError(
             f"{scoring.held_out.paths}: neither the nominal plant nor any refit of it can be "

@@ -33,17 +33,16 @@ MAX_LARGER = 0.1
 MEDIAN = 0.6745
 
 
-def with_sizes(selection: Selection, scoring: Scoring, jobs: int = 1) -> tuple[Selection, dict[str, float]]:
+def with_sizes(selection: Selection, scoring: Scoring) -> tuple[Selection, dict[str, float]]:
     """The selection with the final sizes of its causes, and the standard deviation of every number that was refitted.
 
     If the final fit clearly leaves a larger gap on held-out data, the sizes stay, and their difference adds to the
-    standard deviations. jobs: number of threads.
+    standard deviations.
     """
     chosen = selection.chosen
     if not chosen.causes:
         return selection, {}
-    objective = replace(uncertain(scoring.objective, chosen.fit), jobs=jobs)
-    fit, sd = fit_sizes(objective, chosen.fit)
+    fit, sd = fit_sizes(uncertain(scoring.objective, chosen.fit), chosen.fit)
     refined = scoring.score(fit)
     larger = refined.held_out_gap["total"] - chosen.held_out_gap["total"]
     if larger <= MAX_LARGER * scoring.threshold:

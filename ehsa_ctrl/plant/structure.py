@@ -147,7 +147,7 @@ class Structure:
     def __str__(self) -> str:
         return repr(self) if self.system_name == "ehsa" else f"{self.system_name} {self!r}"
 
-    @property
+    @cached_property
     def system(self) -> System:
         return SYSTEMS[self.system_name]
 

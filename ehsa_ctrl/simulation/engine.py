@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import ContextVar
+from collections.abc import Sequence
 from dataclasses import dataclass
-from threading import Event
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,6 +13,7 @@ from ..plant.plant import Plant
 from .plant_code import PlantCode, plant_code
 from .response import drives_of, is_response
 from .stiffness import stiffest
+from .threads import free_threads, in_threads, is_ended
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -33,27 +30,6 @@ STATUS = {
     3: "the controller returned a current that is not a finite number",
     4: "one sample takes more than 20000 steps, so the run would not end in a reasonable time",
 }
-
-
-#: The event that ends the runs of this thread, which gets no interrupts.
-_end: ContextVar[Event | None] = ContextVar("_end", default=None)
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-def in_threads(work: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> Iterator[Result]:
-    """Results in the order of the items. An interrupt or an error ends the runs of all threads at once.
-
-    Within work of such a thread it ends those of the outer threads too: iterate to the end, and catch no error.
-    """
-    stop = _end.get() or Event()
-    with ThreadPoolExecutor(jobs, initializer=_end.set, initargs=(stop,)) as threads:
-        try:
-            yield from threads.map(work, items)
-        except BaseException:
-            stop.set()
-            raise
 
 
 #: See `open_loop_kernel.open_loop`.
@@ -94,10 +70,9 @@ def run_open_loop(
     """
     from .open_loop_kernel import open_loop
 
-    stop = _end.get()
     carry[:, -1] = 0.0
     status[status == DONE] = UNFINISHED
-    while (status == UNFINISHED).any() and not (stop is not None and stop.is_set()):
+    while (status == UNFINISHED).any() and not is_ended():
         open_loop(*code.arguments, parameters, states, modes, carry, *inputs_and_outputs, impulses, status)
 
 
@@ -250,7 +225,7 @@ def simulate_batch(
     ----------
     parameters: (runs, n_parameters), each row in the order of `plant.vector`.
     start: (runs, n) states at the first sample; by default rest with the P_0 and x_0 of each row.
-    jobs: number of threads; all cores by default. The engine releases Python's global lock.
+    jobs: number of threads; all cores by default.
     Other arguments as for `simulate`.
 
     A run that fails does not stop the others; its `status` tells.
@@ -317,7 +292,7 @@ def _run(
             status=out.status[part],
         )  # fmt: skip
 
-    jobs = min(jobs or os.cpu_count() or 1, runs)
+    jobs = min(free_threads(jobs), runs)
     if jobs == 1:
         work(slice(None))
     else:

@@ -32,7 +32,7 @@ def prepared(**nominal):
     segments = split_logs(logs, Segment((logs.logs[0].record,), log.name), has_gap=True)
     objective, sensitivities = objective_of(segments.training, THRESHOLD)
     candidates = tuple(candidate_effects(segments.training.model))
-    hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
+    hypotheses = Hypotheses.initial(objective, candidates, sensitivities, Pool())
     hypotheses = hypotheses.with_fits([refit(objective, (), {}, {}, steps=0)])
     scoring = Scoring.of(hypotheses, segments.training, segments.held_out, THRESHOLD, lumped=False)
     return hypotheses, scoring, Reference.of(scoring)

@@ -25,7 +25,7 @@ def screened():
     log, _ = ehsa_ctrl.record(rig, time, current, seed=5, centre=True)
     model = HypothesisModel(with_every_effect(plant), log)
     objective, sensitivities = objective_of(Segment((Record(model, estimate_noise(log)),), ""), 0.03)
-    hypotheses = Hypotheses.initial(objective, candidate_effects(model), sensitivities, Pool(2))
+    hypotheses = Hypotheses.initial(objective, candidate_effects(model), sensitivities, Pool())
     return hypotheses, hypotheses.screening()
 
 

@@ -39,7 +39,7 @@ def folds(log, validate=None):
     objective, sensitivities = objective_of(segments.training, THRESHOLD)
     mass = next(c for c in candidate_effects(segments.training.model) if c.id == "payload_mass")
     fit = refit_until_converged(objective, (mass,), {"M": NOMINAL["M"]}, sensitivities)
-    return folds_of(prepared, segments, objective, fit, Pool(1)), fit, segments
+    return folds_of(prepared, segments, objective, fit, Pool()), fit, segments
 
 
 def test_a_cause_that_acts_throughout_closes_the_gap_in_every_third():

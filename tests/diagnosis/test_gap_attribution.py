@@ -13,6 +13,7 @@ from ehsa_ctrl.diagnosis.signals import estimate_noise
 from ehsa_ctrl.diagnosis.unknown_inputs import balance_signals, unknown_inputs
 from ehsa_ctrl.plant.system import ScoredSignal
 from ehsa_ctrl.simulation.engine import simulate
+from ehsa_ctrl.simulation.threads import sharing_threads
 
 DT = 0.004
 NOISE = {"speed": 0.3, "p1": 8e3, "p2": 8e3, "position": 1e-5}
@@ -115,7 +116,9 @@ def test_threads_give_the_same(nominal):
     rig = nominal.set(K_L=10.0 * nominal["K_L"])
     log = with_current(logged(rig, current, force=np.full(current.size, 200.0)), current)
 
-    one, two = (attribute_gap(nominal, log, estimate_noise(log), jobs) for jobs in (1, 2))
+    one = attribute_gap(nominal, log, estimate_noise(log))
+    with sharing_threads(2):
+        two = attribute_gap(nominal, log, estimate_noise(log))
 
     assert one.to_dict() == two.to_dict() and one.over_time == two.over_time
 

@@ -189,7 +189,7 @@ def test_a_number_beside_an_infinite_one_is_searched_from_its_start(rig):
     objective, sensitivities = objective_of(whole(rig, log), 0.03)
     free = FreeNumber("P_crack", np.inf, 1e5), FreeNumber("P_open_range", 1e6, 1e5, 1e5, 1e7)
     candidate = CandidateEffect(EFFECTS["relief_valve"], free, ((25e5, 1e6),))
-    hypotheses = Hypotheses.initial(objective, (candidate,), sensitivities, Pool(1))
+    hypotheses = Hypotheses.initial(objective, (candidate,), sensitivities, Pool())
 
     (gain,) = hypotheses.screening().gains(hypotheses.nominal)
 

@@ -30,7 +30,7 @@ def hypotheses():
     prepared = prepare_logs(nominal, [log], None, 0.03, check=True)
     training = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True).training
     objective, sensitivities = objective_of(training, 0.03)
-    return Hypotheses.initial(objective, tuple(candidate_effects(training.model)), sensitivities, Pool(1))
+    return Hypotheses.initial(objective, tuple(candidate_effects(training.model)), sensitivities, Pool())
 
 
 def members(hypotheses, *ids):

@@ -75,9 +75,9 @@ def test_laws_that_are_far_off_as_found_are_not_refitted(monkeypatch):
     gaps = {"near": 0.02, "stops": np.inf, "nearest": 0.01, "far": 0.06}
     monkeypatch.setattr(free_run, "gap_as_found", lambda law, _scoring, _base: gaps[law])
 
-    assert free_run.screen_laws(list(gaps), None, None, Pool(1), 0.06) == ["nearest", "near"]
-    assert free_run.screen_laws(list(gaps), None, None, Pool(1), np.inf) == ["nearest", "near", "far"]
-    assert free_run.screen_laws([], None, None, Pool(1), 0.06) == []
+    assert free_run.screen_laws(list(gaps), None, None, Pool(), 0.06) == ["nearest", "near"]
+    assert free_run.screen_laws(list(gaps), None, None, Pool(), np.inf) == ["nearest", "near", "far"]
+    assert free_run.screen_laws([], None, None, Pool(), 0.06) == []
 
 
 def test_the_balance_decides_between_forms_that_a_free_run_hardly_tells_apart():

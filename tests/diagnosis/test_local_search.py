@@ -23,7 +23,7 @@ def problem(**changes):
     prepared = prepare_logs(plant, [log], None, 0.03, check=True)
     training = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=True).training
     objective, sensitivities = objective_of(training, 0.03)
-    hypotheses = Hypotheses.initial(objective, tuple(candidate_effects(training.model)), sensitivities, Pool(1))
+    hypotheses = Hypotheses.initial(objective, tuple(candidate_effects(training.model)), sensitivities, Pool())
     return rig, hypotheses, windows_of([plant], training)
 
 

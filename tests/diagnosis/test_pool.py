@@ -7,18 +7,20 @@ import pytest
 
 import ehsa_ctrl
 from ehsa_ctrl.diagnosis.pool import STEPS, Pool
+from ehsa_ctrl.simulation.threads import sharing_threads
 
 
 def test_progress_never_goes_back_and_keeps_to_its_phases():
     """Whatever the number of stages: the first phase, of 0.6, ends before the second one begins."""
     told = []
-    pool = Pool(2, lambda *arguments: told.append(arguments))
+    pool = Pool(lambda *arguments: told.append(arguments))
     ends = []
-    for share in (0.6, 0.4):
-        pool.progress.begin(share)
-        for _ in range(12):
-            pool.map("stage", abs, range(5))
-        ends.append(told[-1][1])
+    with sharing_threads(2):
+        for share in (0.6, 0.4):
+            pool.progress.begin(share)
+            for _ in range(12):
+                pool.map("stage", abs, range(5))
+            ends.append(told[-1][1])
 
     done = [steps for _, steps, _ in told]
     assert len(told) == 120 and {total for _, _, total in told} == {STEPS}
@@ -34,7 +36,7 @@ def test_the_largest_item_begins_first_and_results_keep_their_order():
         begun.append(item)
         return -item
 
-    assert Pool(1).map("stage", work, [2, 9, 4], lambda item: item) == [-2, -9, -4]
+    assert Pool().map("stage", work, [2, 9, 4], lambda item: item) == [-2, -9, -4]
     assert begun == [9, 4, 2]
 
 
@@ -57,9 +59,9 @@ def test_an_error_ends_the_simulations_of_all_threads(error):
         started.set()
         found.extend([simulate(None), simulate(100_000)])
 
-    with pytest.raises(error):
-        Pool(2).map("stage", work, ["fail", "simulate"])
+    with pytest.raises(error), sharing_threads(2):
+        Pool().map("stage", work, ["fail", "simulate"])
 
     assert 0 not in found and len(found) == 2
-    # Later runs, of this thread and of another pool, are complete.
-    assert simulate(100) == 0 and Pool(1).map("stage", simulate, [100]) == [0]
+    # Later runs, of this thread and of other ones, are complete.
+    assert simulate(100) == 0 and Pool().map("stage", simulate, [100]) == [0]

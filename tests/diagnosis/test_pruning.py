@@ -30,7 +30,7 @@ def candidate(hypotheses, id):
 def start(segments):
     objective, sensitivities = objective_of(segments.training, THRESHOLD)
     candidates = tuple(candidate_effects(segments.training.model))
-    return Hypotheses.initial(objective, candidates, sensitivities, Pool(1))
+    return Hypotheses.initial(objective, candidates, sensitivities, Pool())
 
 
 def test_a_cause_that_the_log_does_not_need_is_dropped(segments):

@@ -26,7 +26,7 @@ class Start:
         self.segments = segments
         self.objective, sensitivities = objective_of(segments.training, THRESHOLD)
         candidates = tuple(candidate_effects(segments.training.model))
-        hypotheses = Hypotheses.initial(self.objective, candidates, sensitivities, Pool(1))
+        hypotheses = Hypotheses.initial(self.objective, candidates, sensitivities, Pool())
 
         def fit(ids):
             members = tuple(next(one for one in candidates if one.id == id) for id in ids)
