@@ -253,10 +253,13 @@ def _try(
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in beyond_chance(fits, share)]
-    held = [replace(law, explained=_explained(law, inputs)) for one in inputs for law in one.held]
+    held, valves = (
+        [replace(law, explained=_explained(law, inputs)) for law in laws]
+        for laws in ([law for one in inputs for law in one.held], [law for one in inputs for law in one.valves])
+    )
     far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
     chosen = screen_laws(held, scoring, base.fit, pool, far_held)
-    chosen += promising(sums, scoring, base.fit, most, far, pool)
+    chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)

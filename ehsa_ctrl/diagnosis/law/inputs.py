@@ -15,6 +15,7 @@ from ..unknown_inputs import BalanceSignals, unknown_inputs
 from .grammar import Grammar, in_turn
 from .held import held_laws
 from .regression import LawFit
+from .valves import valve_laws
 
 #: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
 #: to see beside errors of the rates moves the mean pressure by and by.
@@ -23,12 +24,16 @@ FLOWS, SLOW = ("flow_1", "flow_2", "flows", "pump_flow", "displacement"), 8
 
 @dataclass(frozen=True)
 class LawInput:
-    """An unknown input on the joined logs. nuisance: (windows, p), see `find_sums`. held: see `held_laws`."""
+    """An unknown input on the joined logs. nuisance: (windows, p), see `find_sums`.
+
+    held, valves: laws that its values do not show, see `held_laws` and `valve_laws`.
+    """
 
     grammar: Grammar
     windows: Windows
     nuisance: np.ndarray
     held: tuple[LawFit, ...] = ()
+    valves: tuple[LawFit, ...] = ()
 
     @property
     def name(self) -> str:
@@ -61,8 +66,13 @@ def law_inputs(
             windows = Windows(value, signals.sample_time, own, longer=longer)
             if windows.values.size >= MIN_WINDOWS and float(windows.values @ windows.values) > 0.0:
                 grammar = Grammar.of(plant, signals, name)
-                held = held_laws(plant, signals, grammar, fitted) if longer == 1 else []
-                found.append(LawInput(grammar, windows, windows.of(changes[name]), tuple(held)))
+                nuisance = windows.of(changes[name])
+                if longer > 1:
+                    found.append(LawInput(grammar, windows, nuisance))
+                    continue
+                held = held_laws(plant, signals, grammar, fitted)
+                valves = valve_laws(grammar, windows, own)
+                found.append(LawInput(grammar, windows, nuisance, tuple(held), tuple(valves)))
     return found
 
 
