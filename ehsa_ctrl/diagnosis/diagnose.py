@@ -338,6 +338,7 @@ def _diagnose_selection(
             # Effects that are equivalent on any log make the verdict ambiguous too.
             verdict = "ambiguous"
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
+    todo = advice(verdict, causes, plant.structure.system, [one.log for one in prepared.logs], has_law=law is not None)
     if law is not None:
         experiment = form_experiment(law, hypotheses.objective, prepared.noise)
     least = selection.ranked[0].deviance
@@ -365,9 +366,7 @@ def _diagnose_selection(
             for one in selection.ranked
         ),
         location=location,
-        next_experiment=experiment.words
-        if experiment
-        else advice(verdict, causes, plant.structure.system, [one.log for one in prepared.logs]),
+        next_experiment=experiment.words if experiment else todo,
         experiment=experiment,
         improved=replace(improved, title=f"{plant.title} (diagnosis: {verdict})"),
         floor=reference.floors[1],

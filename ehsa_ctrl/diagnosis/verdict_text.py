@@ -123,14 +123,24 @@ def nearest_sentence(d: Diagnosis) -> str:
     )
 
 
-def advice(verdict: str, causes: Sequence[Cause], system: System, logs: Sequence[Log]) -> str | None:
-    """What to do if no experiment is proposed; None for a verdict that needs nothing."""
+def advice(
+    verdict: str, causes: Sequence[Cause], system: System, logs: Sequence[Log], *, has_law: bool = False
+) -> str | None:
+    """What to do if no experiment is proposed; None for a verdict that needs nothing.
+
+    has_law: whether a law is proposed, in one form.
+    """
     combinations = missing_combinations(system, logs) if system.prescribed else ""
-    if verdict in ("outside_catalogue", "partly"):
-        return (
+    if has_law or verdict in ("outside_catalogue", "partly"):
+        curve = (
             "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
             "temperature whether the curve stays the same"
-        ) + (f"; {combinations}" if combinations else "")
+        )
+        law = (
+            "log the rig at another load or with another waveform, and confirm the law with that log by "
+            "`ehsa-ctrl effects confirm`"
+        )
+        return (law if has_law else curve) + (f"; {combinations}" if combinations else "")
     if verdict not in ("ambiguous", "underdetermined"):
         return None
     if verdict == "ambiguous" and all(set(c.ambiguous_with) <= set(c.why_same) for c in causes):

@@ -8,6 +8,7 @@ import pytest
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis, LogGap
+from ehsa_ctrl.diagnosis.verdict_text import advice
 
 
 def found(verdict, held, whole, after=0.0):
@@ -83,3 +84,13 @@ def test_several_logs_are_spoken_of_in_the_plural():
     assert "; these logs can't separate these alternatives." in several.splitlines()[0]
     assert "    these logs can't separate it from orifice_leakage" in several and "this log" not in several
     assert "this log can't separate" in str(replace(one, effects=(cause,)))
+
+
+def test_a_proposed_law_is_to_be_confirmed():
+    """Whatever the verdict; without a law, the curve is what there is to look at."""
+    system = load_plant("ehsa").structure.system
+
+    for verdict in ("effect", "partly", "outside_catalogue"):
+        assert "effects confirm" in advice(verdict, (), system, (), has_law=True)
+    assert "the curve found there" in advice("outside_catalogue", (), system, ())
+    assert advice("effect", (), system, ()) is None

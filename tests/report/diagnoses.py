@@ -96,7 +96,7 @@ CUBIC = ProposedLaw(
         "schema": 1, "status": "proposed", "summary": "cubic drag", "adds_to": "force", "expression": "c_1 * v**3",
         "parameters": PARAMETERS}), 0.8, 0.9),),
     {"v": (-0.1, 0.1)}, "m/s", 0.1 * np.sin(3.0 * TIME[1:]), 400.0 * np.sin(3.0 * TIME[1:]) ** 3,
-    400.0 * np.sin(3.0 * TIME[1:]) ** 3,
+    400.0 * np.sin(3.0 * TIME[1:]) ** 3, explained=0.9,
 )  # fmt: skip
 
 

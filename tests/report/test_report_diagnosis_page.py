@@ -9,6 +9,7 @@ from ehsa_ctrl import write_report
 from ehsa_ctrl.core.result import to_json
 from ehsa_ctrl.diagnosis.changed import Change
 from ehsa_ctrl.report.figures.free_runs import diagnosis_traces, traces_table
+from ehsa_ctrl.report.kinds._diagnosis_law import law_section
 from ehsa_ctrl.report.kinds.diagnosis import LAW_VERDICT, VERDICTS
 from ehsa_ctrl.report.outcome import outcome
 from ehsa_ctrl.report.page import LOOKS
@@ -264,3 +265,15 @@ def test_what_contains_a_rival_is_not_called_excluded():
     assert [outcome(made.verdict, causes, members) for members in hypotheses] == [
         "equivalent", "redundant", "excluded", "excluded",
     ]  # fmt: skip
+
+
+def test_a_law_that_its_curve_hardly_shows_says_where_the_evidence_is(pages):
+    """A valve is open for some samples at a time: its flow explains nothing of the unknown input over the pressure."""
+    content = diagnosis("law").to_dict()
+    seen, hidden = (
+        " ".join(str(part) for part in law_section(content | {"law": content["law"] | {"explained": share}}).blocks)
+        for share in (0.8, 0.02)
+    )
+
+    assert "explains 2 % of the unknown input" in hidden and "The evidence for it is the simulation" in hidden
+    assert "of the unknown input, so that" not in seen

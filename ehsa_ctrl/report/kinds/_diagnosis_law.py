@@ -9,6 +9,9 @@ from ...physics.effects import ADDENDS
 from ..page import Paragraph, Picture, Section, Table
 from ..text import percent, unit, value_text
 
+#: A law that explains less of the unknown input than this is not seen in its curve. Engineering judgement.
+SEEN = 0.1
+
 
 def law_section(content: Mapping[str, Any]) -> Section:
     """The forms of the law with their numbers; empty without a law."""
@@ -26,6 +29,12 @@ def law_section(content: Mapping[str, Any]) -> Section:
         f"No effect of the catalogue has this law. It is a {ADDENDS[law['place']].meaning}. {beside}Forms that the "
         f"log can't tell apart are listed together. Seen in the log, in SI units: {ranges or 'no variable'}.",
     ]
+    if law["explained"] < SEEN:
+        words.append(
+            f"The law explains {percent(max(law['explained'], 0.0), 2)} of the unknown input, so that the left curve "
+            "hardly shows it: it acts for some samples at a time, such as a valve, or while the rig stands still. The "
+            "evidence for it is the simulation, whose gap it closes."
+        )
     if law.get("proposal"):
         words.append(
             f"{law['proposal']} is the first form as an effect, with status proposed. The improved plant has it: "
