@@ -13,7 +13,7 @@ from ..physics.effects import EFFECTS, CandidateEffect, DiagnosisContext
 from ..plant.arrays import needed_to_simulate
 from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel, lacks_dry_friction
-from .signals import estimate_noise
+from .signals import noise_of
 from .unknown_inputs import balance_signals, unknown_inputs
 
 #: Effort scale of rod [N] and shaft [N m] for which the effect files state the smallest changes of symbols: the EHSA's.
@@ -94,7 +94,7 @@ def friction_levels(plant: Plant, log: Log) -> dict[str, float]:
     # Without effects, because their states are not measured.
     plain = plant.with_structure(replace(plant.structure, effects=()))
     drive, second_input = logged_inputs(plain, log)
-    signals = balance_signals(plain, log, drive, estimate_noise(log), second_input=second_input)
+    signals = balance_signals(plain, log, drive, noise_of(plain, log), second_input=second_input)
     unknown = unknown_inputs(plain, signals).values
     found: dict[str, float] = {}
     system = plain.structure.system

@@ -27,7 +27,7 @@ from .diagnose import upper_bound
 from .diagnosis import Diagnosis
 from .improved_plant import improved_plant
 from .logged_reference import controller_output, output_lag, reference_of, sampled_by
-from .signals import estimate_noise, gap, moving_signals, scored_signals, signal_noise
+from .signals import gap, moving_signals, noise_of, scored_signals, signal_noise
 
 #: A logged drive that differs from the controller's output by more than this share of its standard deviation was
 #: probably recorded with another controller (engineering judgement; with the right one it is 0.7 % on the EMPS record).
@@ -142,7 +142,7 @@ def replay_loop(found: Diagnosis, case: LoopCase) -> tuple[ClosedLoopReplay, lis
     lag, difference = output_lag(log[system.drive][:n], output) if case.lag is None else (case.lag, float("nan"))
     if case.lag is not None and output is not None:
         _, difference = output_lag(log[system.drive][:n], output, (case.lag,))
-    noise = found.noise_sd if log.path == found.log.path else estimate_noise(log)
+    noise = found.noise_sd if log.path == found.log.path else noise_of(found.plant, log)
     rows = case.scored[:n] if case.scored[:n].any() else np.ones(n, dtype=bool)
     score = _Score(found.plant, log, rows, noise)
     models = models_of(found)

@@ -25,9 +25,9 @@ from .improved_plant import improved_plant
 from .own_offsets import log_of, values_in_log, with_own_offsets
 from .records import Record, Segment, mean_square_root
 from .refit import HypothesisFit
-from .signals import estimate_noise, largest
+from .signals import largest, noise_of, slow_channels
 from .split import NO_GAP, Split, choose_split
-from .together import check_together
+from .together import check_other, check_together
 from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
 
 #: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
@@ -106,7 +106,10 @@ def prepare_logs(
     check_threshold(threshold)
     everything = named([*logs, *([] if validate is None else [validate])])
     check_together(everything[: len(logs)])
+    if validate is not None:
+        check_other(logs, validate)
     findings = [*_check_logs(plant, everything, check), *(e.caveat for e in replayed_effects(plant))]
+    findings += [words for log in everything if (words := _too_slow(plant, log))]
     findings += [f"effect {name} was not tested: {reason}" for name, reason in inapplicable_effects(plant).items()]
     found: list[PreparedLog] = []
     labels = [log.name for log in everything]
@@ -116,9 +119,21 @@ def prepare_logs(
         ready = prepare_replay(own, log, found[0].model.log if found else None, all_effects=True)
         start, laws = initial_state(own, log), _plants_by_law(own)
         model = HypothesisModel(with_every_effect(own), ready, start, laws, label=label)
-        found.append(PreparedLog(own, log, model, estimate_noise(log)))
+        found.append(PreparedLog(own, log, model, noise_of(own, log)))
     validation = None if validate is None else found.pop()
     return PreparedLogs(plant, tuple(found), validation, tuple(filter(None, findings)), threshold)
+
+
+def _too_slow(plant: Plant, log: Log) -> str:
+    """Finding on a log whose samples are too far apart to show the noise of its sensors; empty for others."""
+    names = slow_channels(plant, log)
+    if not names:
+        return ""
+    return (
+        f"{log.name}: {join_words(names)} {'moves' if len(names) == 1 else 'move'} too far between two samples "
+        f"({1e3 * log.sample_time:.3g} ms) to tell noise from motion; the noise that the plant states for its sensors "
+        "is taken: log faster"
+    )
 
 
 def segment_candidates(training: Segment, without: Collection[str] = ()) -> tuple[CandidateEffect, ...]:

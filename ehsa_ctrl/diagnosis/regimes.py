@@ -86,7 +86,7 @@ class Windows:
         weights = np.sin(np.pi * (np.arange(self._window) + 0.5) / self._window) ** 2
         self._weights = weights / weights.sum()
         self.usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
-        if fitted is not None:
+        if fitted is not None and self.usable.size:
             parts = np.lib.stride_tricks.sliding_window_view(fitted, self._window)
             self.usable &= parts[:: self._stride].all(axis=1)
         self.values = self._means(fill_nan(values))[self.usable]

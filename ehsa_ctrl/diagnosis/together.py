@@ -13,6 +13,17 @@ from ..core.text import join_words
 from .gap_attribution import Location
 
 
+def check_other(logs: Sequence[Log], validate: Log) -> None:
+    """Raises InputError for a log for validation that is one of those to fit: it would validate nothing."""
+    for log in logs:
+        same_file = log.path is not None and validate.path is not None and log.path.resolve() == validate.path.resolve()
+        if same_file or log is validate:
+            raise InputError(
+                f"{validate.path or 'the log for validation'}: is also the log that is fitted; give another log of the "
+                "rig, or leave it out: a third of the log is held out then"
+            )
+
+
 def check_together(logs: Sequence[Log]) -> None:
     """Raises InputError for no log, a log given twice, or logs with other sample times or channels than the first."""
     if not logs:

@@ -15,7 +15,7 @@ from ..plant.plant import Plant
 from .hypothesis_model import HypothesisModel
 from .law.begin import courses
 from .records import Record, Segment
-from .signals import estimate_noise
+from .signals import noise_of
 from .unknown_inputs import balance_signals
 
 #: Length of a window [s]. Engineering judgement: longer than a slip's consequences, a few times the run-in at most.
@@ -36,7 +36,7 @@ def gap(plant: Plant, log: Log) -> dict[str, float]:
     subtracted in quadrature, divided by the standard deviation of the measured signal; inf if the run stopped. Signals
     that the log lacks are left out. "total" is the RMS of the others.
     """
-    record = whole_log(plant, plant, prepare_replay(plant, log), estimate_noise(log))
+    record = whole_log(plant, plant, prepare_replay(plant, log), noise_of(plant, log))
     return Segment((record,), log.name).gap({})
 
 

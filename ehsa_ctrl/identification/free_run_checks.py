@@ -35,6 +35,8 @@ MIN_MOTION = 10.0
 SIZE_TIME, AGREEMENT_TIME = 0.1, 0.02
 #: Correlation from which a direction is certain, and the shortest run that shows it [samples].
 DIRECTION, SHORTEST_RUN = 0.3, 50
+#: Correlation from which a load cell moves opposite to the simulation.
+OPPOSITE = 0.8
 #: Agreement with a free run from which a sample time is plausible, and by how much another sample time has to be
 #: better: by the agreement alone, and if the rod's travel confirms it.
 PLAUSIBLE, BETTER, BETTER_BY_TRAVEL = 0.5, 0.25, 0.1
@@ -54,8 +56,8 @@ class _Pair(NamedTuple):
     simulated: np.ndarray
 
 
-def _compare(plant: Plant, log: Log, change_time: float, *, shortest: int = 0) -> dict[str, _Pair]:
-    """Each output with a free run from rest, positions by their change over a time [s].
+def _compare(plant: Plant, log: Log, change_time: float, *, shortest: int = 0, cell: bool = False) -> dict[str, _Pair]:
+    """Each output with a free run from rest, positions by their change over a time [s]; with `cell`, the load cell too.
 
     Empty if the run diverges or ends before the log does; with `shortest`, before so many samples.
     """
@@ -73,6 +75,9 @@ def _compare(plant: Plant, log: Log, change_time: float, *, shortest: int = 0) -
                 lag = _lag(log, change_time)
                 measured, simulated = measured[lag:] - measured[:-lag], simulated[lag:] - simulated[:-lag]
             pairs[channel] = _Pair(measured, simulated)
+    system = plant.structure.system
+    if cell and system.cell is not None and system.cell_channel in log.channels:
+        pairs[system.cell_channel] = _Pair(log[system.cell_channel][: len(run)], run.cell_force)
     return pairs
 
 
@@ -121,9 +126,9 @@ def _plausible(size: float) -> bool:
 
 
 def _sizes(plant: Plant, log: Log) -> dict[str, float]:
-    """Standard deviation of each output over that of a free run; without outputs that do not move."""
+    """Standard deviation of each output and the load cell over that of a free run; without those that do not move."""
     sizes = {}
-    for channel, (measured, simulated) in _compare(plant, log, SIZE_TIME).items():
+    for channel, (measured, simulated) in _compare(plant, log, SIZE_TIME, cell=True).items():
         noise = plant.sensors[channel].sd if channel in plant.sensors else sensor_sd(plant, log, channel)
         if np.std(simulated) > MIN_MOTION * noise and np.std(measured) > 0.0:
             sizes[channel] = float(np.std(measured) / np.std(simulated))
@@ -222,14 +227,15 @@ def _agreement(plant: Plant, log: Log, scale: float) -> float:
 
 def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
     """(channel, sentence) for each output with the wrong sign, or for the input if all outputs are inverted.
-
     If both pressures are inverted and the other channels agree, the pressures are exchanged.
     """
-    pairs = _compare(plant, log, AGREEMENT_TIME, shortest=SHORTEST_RUN)
+    pairs = _compare(plant, log, AGREEMENT_TIME, shortest=SHORTEST_RUN, cell=True)
+    cell = pairs.pop(plant.structure.system.cell_channel, None)
     ways = {channel: float(np.corrcoef(pair)[0, 1]) for channel, pair in pairs.items() if min(map(np.std, pair)) > 0.0}
     against = [channel for channel, way in ways.items() if way < -DIRECTION]
     along = [channel for channel, way in ways.items() if way > DIRECTION]
     if not against:
+        yield from _wrong_cell_sign(plant, cell)
         return
     system = plant.structure.system
     drives = list(system.drives.values())
@@ -253,6 +259,20 @@ def wrong_signs(plant: Plant, log: Log) -> Iterator[tuple[str, str]]:
     for channel in against:
         other = " and ".join(along) if along else f"the simulation (or {' and '.join(drives)} has the wrong sign)"
         why = f"{channel} moves opposite to {other} (correlation with the simulation {ways[channel]:.2f})"
+        yield channel, _inverted(plant, channel, why)
+
+
+def _wrong_cell_sign(plant: Plant, cell: _Pair | None) -> Iterator[tuple[str, str]]:
+    """The same for the load cell, where all outputs agree with the simulation.
+
+    It has to move as much as there: the force of a load that the plant lacks may oppose that of one which it has.
+    """
+    if cell is None or min(map(np.std, cell)) == 0.0 or not _plausible(float(np.std(cell[0]) / np.std(cell[1]))):
+        return
+    way = float(np.corrcoef(cell)[0, 1])
+    if way < -OPPOSITE:
+        channel = plant.structure.system.cell_channel
+        why = f"{channel} moves opposite to the simulation (correlation {way:.2f}), while all other channels agree"
         yield channel, _inverted(plant, channel, why)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ehsa_ctrl.diagnosis.regimes import Curve, regime_of
+from ehsa_ctrl.diagnosis.regimes import Curve, Windows, regime_of
 
 
 def test_what_goes_against_the_motion_has_a_mean_of_its_size():
@@ -17,3 +17,10 @@ def test_what_goes_against_the_motion_has_a_mean_of_its_size():
     assert regime_of(curve, force).mean == pytest.approx(3.0)
     assert regime_of(curve, force).sd == pytest.approx(0.0, abs=1e-12)
     assert np.abs(regime_of(plain, force).mean).max() < 2.0
+
+
+def test_a_log_shorter_than_a_window_has_none():
+    """Some samples at 5 Hz: nothing to average, and no error."""
+    few = np.ones(20)
+
+    assert Windows(few, 0.2, few > 0.0, longer=8).values.size == 0

@@ -3,8 +3,18 @@
 import numpy as np
 import pytest
 
+from ehsa_ctrl import diagnose, excitation, record
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.signals import estimate_noise, gap, largest, scored_signals, signal_noise, slope
+from ehsa_ctrl.diagnosis.signals import (
+    estimate_noise,
+    gap,
+    largest,
+    noise_of,
+    scored_signals,
+    signal_noise,
+    slope,
+    slow_channels,
+)
 from ehsa_ctrl.plant.systems import SYSTEMS
 
 EHSA = SYSTEMS["ehsa"].scored
@@ -60,3 +70,28 @@ def test_velocity_noise_follows_from_the_position():
     """Difference of two samples over 20 ms."""
     assert signal_noise(EHSA, {"position": 2e-5}, 0.004)["rod_velocity"] == pytest.approx(2e-5 * np.sqrt(2) / 0.02)
     assert set(scored_signals(EHSA, {"position": np.zeros(9), "p1": np.zeros(9)}, 0.004)) == {"rod_velocity", "p1"}
+
+
+@pytest.mark.parametrize("times", [1.0, 6.0])
+def test_a_fast_log_shows_its_own_noise(plant, rng, times):
+    """Also that of a sensor which is six times as noisy as the plant states."""
+    log, _ = record(plant, *excitation("noise", amplitude=3.0, duration=6.0, sample_time=0.004), sensor_noise=False)
+    sd = times * plant.sensors["p1"].sd
+    noisy = Log(log.time, log.channels | {"p1": log["p1"] + rng.normal(0.0, sd, len(log))})
+
+    assert slow_channels(plant, noisy) == []
+    assert noise_of(plant, noisy)["p1"] == pytest.approx(sd, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_slow_log_does_not_hide_a_gap_in_its_noise(plant):
+    """At 20 Hz the shaft's speed is another one in each sample; its noise is that of the sensor. Ten times the leakage
+    is named, with a warning of the slow log."""
+    rig = plant.set(K_L=10.0 * plant["K_L"])
+    log, _ = record(rig, *excitation("noise", amplitude=3.0, duration=16.0, sample_time=0.05), centre=True)
+    found = diagnose(plant, log)
+
+    assert estimate_noise(log)["speed"] > 0.3 * np.std(log["speed"])
+    assert noise_of(plant, log)["speed"] == plant.sensors["speed"].sd
+    assert found.verdict == "effect" and found.effects[0].id == "internal_leakage"
+    assert any("too far between two samples (50 ms)" in words for words in found.findings)

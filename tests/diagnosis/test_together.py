@@ -14,7 +14,7 @@ from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_eff
 from ehsa_ctrl.diagnosis.objective import ResidualScale, objective_of
 from ehsa_ctrl.diagnosis.records import Record, Segment, joint_gap
 from ehsa_ctrl.diagnosis.signals import estimate_noise
-from ehsa_ctrl.diagnosis.together import check_together
+from ehsa_ctrl.diagnosis.together import check_other, check_together
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +156,15 @@ def test_each_log_must_be_long_enough(plant, leaking):
 
     with pytest.raises(InputError, match=r"short.csv: lasts 2 s; a diagnosis needs at least 3 s"):
         diagnose(plant, [leaking[0], log])
+
+
+def test_a_log_does_not_validate_itself():
+    """By its file, or the same in Python; another log of the same length may."""
+    log = short()
+    for same in (log, short(path="./a.csv")):
+        with pytest.raises(InputError, match="is also the log that is fitted; give another log"):
+            check_other([log], same)
+    check_other([log], short(path="b.csv"))
 
 
 def test_no_log_is_an_error(plant):

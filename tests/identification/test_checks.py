@@ -146,6 +146,25 @@ def test_a_swapped_sign_is_named(bench, channel):
     assert findings["sign", channel].severity == "error"
 
 
+@pytest.mark.parametrize(("scale", "kind", "words"), [(-1.0, "sign", "scale = -1"), (1e-3, "unit", "in kN")])
+def test_a_load_cell_with_another_sign_or_unit_is_named(plant, scale, kind, words):
+    """Against a spring that the plant has, its force is known."""
+    loaded = plant.set(K_S=5e4)
+    log, _ = record(loaded, *excitation("steps", amplitude=1.5, duration=8.0))
+    findings = found(changed(log, force=scale * log["force"]), loaded)
+
+    assert set(findings) == {(kind, "force")} and findings[kind, "force"].severity == "error"
+    assert words in str(findings[kind, "force"])
+
+
+def test_the_force_of_an_unknown_spring_is_no_wrong_sign(plant):
+    """In a sine, that of a spring opposes that of a known payload, sample by sample."""
+    rig = plant.set(m_L=100.0, K_S=5e4)
+    log, _ = record(rig, *excitation("sine", amplitude=2.0, duration=8.0))
+
+    assert not {kind for kind, channel in found(log, plant.set(m_L=100.0)) if channel == "force"}
+
+
 def test_exchanged_pressures_are_named_together(bench):
     """The line to write names the other's column."""
     plant, log = bench
