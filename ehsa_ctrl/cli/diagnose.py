@@ -195,7 +195,6 @@ def command(
     )
     found, out = outcome.found, output.out
     improved = _improved_path(out, found) if out is not None else None
-    beside = "" if found.law is None else ", which has the law of effects/ beside it"
 
     def print_result() -> None:
         for sentence in preparation_sentences(outcome.steps, reading=False):
@@ -207,7 +206,7 @@ def command(
     output.deliver(
         "diagnose", "diagnosis.json", outcome.to_dict(), print_result, stored=outcome.stored(),
         files=lambda draft: write_files(draft, outcome),
-        then=f"; use the {_quality(found)} plant as --plant {improved}{beside}" if improved else "",
+        then=_then(found, improved) if improved else "",
     )  # fmt: skip
     if output.as_json:
         return
@@ -217,13 +216,18 @@ def command(
         print(line)
 
 
-def _quality(found: Diagnosis) -> str:
-    """What the improved plant is worth."""
+def _then(found: Diagnosis, improved: Path) -> str:
+    """What the improved plant is worth, and how to use it."""
     from ..diagnosis.diagnosis import NAMING
 
-    if found.law is None and found.verdict == "partly":
-        return "partly corrected"
-    return "corrected" if found.law is not None or found.verdict in NAMING else "refitted (no cause is named)"
+    if found.law is not None:
+        return f"; use the corrected plant as --plant {improved}, which has the law of effects/ beside it"
+    if found.verdict in NAMING:
+        quality = "partly corrected" if found.verdict == "partly" else "corrected"
+        return f"; use the {quality} plant as --plant {improved}"
+    if found.gap["refit"]["total"] > found.gap["nominal"]["total"]:
+        return f"; the refitted plant {improved.name} leaves more of held-out data than the nominal one: keep that one"
+    return f"; use the refitted (no cause is named) plant as --plant {improved}"
 
 
 def _improved_path(out: Path, found: Diagnosis) -> Path | None:

@@ -265,8 +265,14 @@ def one_sided_gap(segments: Segments, threshold: float) -> list[str]:
     training, held_out = (largest(segment.gap({})) for segment in (segments.training, segments.held_out))
     if min(training, held_out) >= NO_GAP * threshold or max(training, held_out) < threshold:
         return []
-    here, there = ("training", "held-out") if training > held_out else ("held-out", "training")
-    sizes = f"{100 * max(training, held_out):.3g} %, {100 * min(training, held_out):.2g} % in the {there} data"
+    two_logs = segments.splits is None
+    names = (
+        ("the log that is fitted", "the log for validation") if two_logs else ("the training data", "the held-out data")
+    )
+    here, there = names if training > held_out else names[::-1]
+    sizes = f"{100 * max(training, held_out):.3g} %, {100 * min(training, held_out):.2g} % in {there}"
     why = "what was fitted could not be validated" if training > held_out else "nothing could be fitted to it"
-    words = f"the gap of the nominal model lies in the {here} data alone ({sizes}), so that {why}"
-    return [f"{words}: give a second log with --validate"]
+    todo = "give a second log with --validate"
+    if two_logs:
+        todo = "the logs are of different rigs or states, or one does not excite what causes the gap; give another log"
+    return [f"the gap of the nominal model lies in {here} alone ({sizes}), so that {why}: {todo}"]

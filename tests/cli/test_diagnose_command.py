@@ -1,13 +1,15 @@
 """`ehsa-ctrl diagnose` with several logs, an earlier log, or a scenario."""
 
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
 import pytest
 
 import ehsa_ctrl
-from ehsa_ctrl.cli.diagnose import prepare_case
+from ehsa_ctrl.cli.diagnose import _then, prepare_case
 from ehsa_ctrl.core.controller_interface import MEASURED
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
@@ -279,3 +281,19 @@ def test_an_earlier_log_and_a_scenario(run, scenario, tmp_path, plant):
     assert np.isfinite(found["closed_loop"]["metrics"]["Energy"]["before"])
     assert ehsa_ctrl.load_plant(tmp_path / "out" / "ehsa_before.toml")["J_M"] == pytest.approx(plant["J_M"], rel=0.05)
     assert json.loads(run(*call, "--force", "--json")[1]).keys() >= {"change", "closed_loop"}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "refit", "words"),
+    [
+        ("effect", 0.3, "use the corrected plant as --plant x.toml"),
+        ("partly", 0.3, "use the partly corrected plant"),
+        ("outside_catalogue", 0.05, "use the refitted (no cause is named) plant"),
+        ("outside_catalogue", 0.3, "the refitted plant x.toml leaves more of held-out data than the nominal one: keep"),
+    ],
+)
+def test_a_plant_is_recommended_that_is_better_than_the_nominal_one(verdict, refit, words):
+    """On held-out data, where the nominal plant leaves 10 %."""
+    found = SimpleNamespace(law=None, verdict=verdict, gap={"nominal": {"total": 0.1}, "refit": {"total": refit}})
+
+    assert words in _then(found, Path("x.toml"))

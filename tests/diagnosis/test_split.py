@@ -108,17 +108,19 @@ def test_a_signal_that_stands_still_has_no_gap():
 
 
 @pytest.mark.parametrize(
-    ("training", "held_out", "words"),
+    ("training", "held_out", "splits", "words"),
     [
-        (0.12, 0.001, "lies in the training data alone (12 %, 0.1 % in the held-out data), so that what was fitted"),
-        (0.001, 0.12, "lies in the held-out data alone (12 %, 0.1 % in the training data), so that nothing could be"),
-        (0.12, 0.02, ""),
-        (0.02, 0.02, ""),
+        (0.12, 0.001, (), "lies in the training data alone (12 %, 0.1 % in the held-out data), so that what was"),
+        (0.001, 0.12, (), "lies in the held-out data alone (12 %, 0.1 % in the training data), so that nothing could"),
+        (0.12, 0.001, None, "could not be validated: the logs are of different rigs or states"),
+        (0.12, 0.02, (), ""),
+        (0.02, 0.02, (), ""),
     ],
 )
-def test_a_gap_that_lies_in_one_part_alone_is_said_to(training, held_out, words):
+def test_a_gap_that_lies_in_one_part_alone_is_said_to(training, held_out, splits, words):
     """One below half of the threshold, the other above it."""
     segments = SimpleNamespace(
+        splits=splits,
         training=SimpleNamespace(gap=lambda _: {"p1": training, "total": training}),
         held_out=SimpleNamespace(gap=lambda _: {"p1": held_out, "total": held_out}),
     )
