@@ -50,7 +50,8 @@ def build_causes(
     found = []
     for key in chosen.causes:
         equivalent = _equivalent_effects(key[0], chosen.fit.values, plant, logs)
-        others = (other for other, _ in selection.alternatives.get(key, ()) if other != key[0])
+        # A sensor error of another channel has the same id.
+        others = (other for other, _ in selection.alternatives.get(key, ()))
         found.append(
             Cause(
                 id=key[0],

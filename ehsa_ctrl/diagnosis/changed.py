@@ -19,6 +19,7 @@ from .pool import Watch
 from .records import Segment
 from .refit import refit_nominal
 from .validation_segment import whole_log
+from .verdict_text import with_alternatives
 
 if TYPE_CHECKING:
     import pandas
@@ -52,8 +53,7 @@ class Change(Result):
         if self.after.verdict == "no_gap":
             first = "No relevant change between the logs."
         elif self.new:
-            named = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in self.new)
-            first = f"Changed between the logs: {named}."
+            first = f"Changed between the logs: {with_alternatives(self.new)}."
         elif self.before.verdict in ("no_gap", *NAMING):
             first = f"Something changed between the logs. {self.after.sentence}"
         else:

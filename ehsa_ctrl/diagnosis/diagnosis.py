@@ -11,6 +11,7 @@ import numpy as np
 from ..core.log import Log
 from ..core.plotting import draw
 from ..core.result import Result, as_dict, as_table
+from ..core.text import join_words
 from ..physics.effects import EFFECTS, all_parameters
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
@@ -18,7 +19,7 @@ from .folds import Fold, folds_sentence
 from .own_offsets import log_of, shared_name
 from .records import joint_gap
 from .signals import gap, scored_signals, signal_noise
-from .verdict_text import name_of, nearest_sentence, the_data, verdict_sentence
+from .verdict_text import alternatives_of, name_of, nearest_sentence, the_data, verdict_sentence
 
 if TYPE_CHECKING:
     import pandas
@@ -328,7 +329,7 @@ class Diagnosis(Result):
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:
-                lines.append(f"    {the_data(self)} can't separate it from {' and '.join(cause.ambiguous_with)}")
+                lines.append(f"    {the_data(self)} can't separate it from {join_words(alternatives_of(cause))}")
         if self.nearest_sentence:
             lines.append(f"  {self.nearest_sentence}")
         if self.next_experiment:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Smaller relative changes of a nominal value are not listed: the other numbers of a cause move along with it.
 LISTED = 0.01
+#: A cause that is less probable than this may be one, in words.
+LIKELY = 0.5
 
 
 def verdict_sentence(d: Diagnosis) -> str:
@@ -38,9 +40,8 @@ def verdict_sentence(d: Diagnosis) -> str:
     if d.verdict == "effect":
         return f"The gap ({size}) comes from {names}{_closed(d, seen=seen)}."
     if d.verdict == "ambiguous":
-        sets = " and ".join(" or ".join([cause.name, *cause.ambiguous_with]) for cause in d.effects)
         untold = f"{the_data(d)} can't separate these alternatives"
-        return f"The gap ({size}) comes from {sets}{_closed(d, seen=seen)}; {untold}."
+        return f"The gap ({size}) comes from {with_alternatives(d.effects)}{_closed(d, seen=seen)}; {untold}."
     if d.verdict == "parameters":
         numbers = f"{_numbers(d)}{_closed(d, seen=seen)}"
         return f"Wrong nominal values cause the gap ({size}), and no effect is needed: {numbers}."
@@ -49,12 +50,24 @@ def verdict_sentence(d: Diagnosis) -> str:
     place = _place(d)
     if d.verdict == "partly":
         left = f" What is left: {d.rest}." if d.rest else ""
-        return f"Part of the gap ({size}) comes from {names}{_closed(d, seen=seen)}.{left}"
+        comes = "comes" if all(cause.probability >= LIKELY for cause in d.effects) else "may come"
+        return f"Part of the gap ({size}) {comes} from {names}{_closed(d, seen=seen)}.{left}"
     if d.verdict == "outside_catalogue":
         return f"No effect of the catalogue explains the gap ({size}).{place}"
     if not d.effects:
-        return f"The gap ({size}) is the sum of several errors, each below the threshold.{place}"
+        return f"No single cause makes the gap ({size}): several errors, each below the threshold, explain it.{place}"
     return f"The excitation of {the_data(d)} can't separate the possible causes of the gap ({size}): {names}.{place}"
+
+
+def with_alternatives(causes: Sequence[Cause]) -> str:
+    """Causes with the alternatives to each, in words."""
+    sets = [" or ".join([cause.name, *alternatives_of(cause)]) for cause in causes]
+    return join_words(f"({words})" if " or " in words and len(sets) > 1 else words for words in sets)
+
+
+def alternatives_of(cause: Cause) -> list[str]:
+    """The alternatives to a cause, in words: a sensor error of another channel has the same id."""
+    return [f"{other} of another channel" if other == cause.id else other for other in cause.ambiguous_with]
 
 
 def the_data(d: Diagnosis) -> str:

@@ -8,7 +8,7 @@ import pytest
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis, LogGap
-from ehsa_ctrl.diagnosis.verdict_text import advice
+from ehsa_ctrl.diagnosis.verdict_text import advice, with_alternatives
 
 
 def found(verdict, held, whole, after=0.0):
@@ -94,3 +94,22 @@ def test_a_proposed_law_is_to_be_confirmed():
         assert "effects confirm" in advice(verdict, (), system, (), has_law=True)
     assert "the curve found there" in advice("outside_catalogue", (), system, ())
     assert advice("effect", (), system, ()) is None
+
+
+def test_alternatives_are_told_apart_from_further_causes():
+    """With brackets where there are several causes, and the channel is another one where the id is the same."""
+    gain = Cause("torque_constant", None, "torque", 1.0, {}, ambiguous_with=("sensor_scale",))
+    scale = Cause("sensor_scale", "speed", "sensor", 1.0, {}, ambiguous_with=("sensor_scale",))
+    leak = Cause("internal_leakage", None, "flow", 1.0, {})
+
+    assert with_alternatives([gain]) == "torque_constant or sensor_scale"
+    assert with_alternatives([gain, leak]) == "(torque_constant or sensor_scale) and internal_leakage"
+    assert with_alternatives([scale]) == "sensor_scale (speed) or sensor_scale of another channel"
+
+
+@pytest.mark.parametrize(("probability", "words"), [(0.9, "comes from"), (0.1, "may come from")])
+def test_an_improbable_part_may_be_one(probability, words):
+    partly = found("partly", 0.2, 0.3, after=0.05)
+    sentence = replace(partly, effects=(replace(partly.effects[0], probability=probability),)).sentence
+
+    assert f"{words} internal_leakage" in sentence
