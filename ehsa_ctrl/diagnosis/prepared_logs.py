@@ -132,7 +132,7 @@ def _too_slow(plant: Plant, log: Log) -> str:
     return (
         f"{log.name}: {join_words(names)} {'moves' if len(names) == 1 else 'move'} too far between two samples "
         f"({1e3 * log.sample_time:.3g} ms) to tell noise from motion; the noise that the plant states for its sensors "
-        "is taken: log faster"
+        "is taken; a faster log tells more"
     )
 
 
