@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import tomllib
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -11,7 +12,10 @@ from typer.testing import CliRunner
 import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
-from ehsa_ctrl.diagnosis.law.confirmation import SeenRange
+from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.diagnosis.diagnosis import Cause
+from ehsa_ctrl.diagnosis.law.confirm import _Test
+from ehsa_ctrl.diagnosis.law.confirmation import Confirmation, SeenRange
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
 
 FILE = """\
@@ -150,3 +154,28 @@ def test_refusals(project, factor, amplitude, words):
     assert status == 1, output
     assert words in output
     assert (project / "effects" / "valve.toml").read_text() == FILE
+
+
+def test_a_refused_law_is_not_written(tmp_path):
+    """Its file stays as it is."""
+    file = tmp_path / "drag.toml"
+    file.write_text('status = "proposed"\n')
+    law = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "cubic drag", "adds_to": "force",
+            "expression": "c_1 * v**3", "parameters": {"c_1": {"value": 4e5, "unit": "N s3/m3", "neutral": 0.0}},
+        }
+    )  # fmt: skip
+
+    with pytest.raises(InputError, match="drag is not confirmed: nothing moves"):
+        Confirmation("drag", file, law, (), ("nothing moves",)).write()
+    assert file.read_text() == 'status = "proposed"\n'
+
+
+def test_a_diagnosis_that_names_the_law_does_not_refuse_it():
+    """There its numbers are refitted, so that it closes more than as proposed; another effect would be a reason."""
+    own = SimpleNamespace(gap={"with_law": {"total": 0.07}, "nominal": {"total": 1.0}})
+    found = SimpleNamespace(effects=(Cause("drag", None, "force", 0.9, {}),), explained=0.98, verdict="effect")
+
+    assert _Test.closed_by(own, found, "drag") == ()
+    assert "drag of the catalogue closes more: 98 % against 93 %" in _Test.closed_by(own, found, "other")[0]

@@ -84,7 +84,7 @@ def confirm_law(
     alternatives: tuple[str, ...] = ()
     if not refused:
         found = diagnose(bare, list(logs), threshold=threshold, watch=watch)
-        refused, alternatives = tested.closed_by(found), _alternatives(found, name)
+        refused, alternatives = tested.closed_by(found, name), _alternatives(found, name)
     return replace(
         empty,
         refused=refused,
@@ -215,9 +215,11 @@ class _Test:
         ]
         return tuple(out)
 
-    def closed_by(self, found: Diagnosis) -> tuple[str, ...]:
-        """Why the catalogue explains the logs better; empty if it does not. found: diagnosis of the logs with the law
-        as one of the effects."""
+    def closed_by(self, found: Diagnosis, name: str) -> tuple[str, ...]:
+        """Why the catalogue explains the logs better; empty if it does not, and where the law is what it names. found:
+        diagnosis of the logs with the law as one of the effects. name: of the law."""
+        if any(name in (cause.id, *cause.ambiguous_with) for cause in found.effects):
+            return ()
         named = [cause.name for cause in found.effects if cause.probability >= 0.5]
         closed, own = found.explained, 1.0 - self.gap["with_law"]["total"] / max(self.gap["nominal"]["total"], 1e-12)
         if named and closed > own and found.verdict in ("effect", "parameters"):

@@ -9,6 +9,7 @@ from typing import Any
 
 import tomlkit
 
+from ...core.errors import InputError
 from ...core.files import write_text
 from ...core.log import Log
 from ...core.result import Result, as_dict
@@ -96,8 +97,10 @@ class Confirmation(Result):
     def write(self) -> Path:
         """Write the status, the hashes and the ranges into the effect's file; all else in it stays, with its comments.
 
-        Raises InputError for a file that can't be written.
+        Raises InputError for a law that is not confirmed, and for a file that can't be written.
         """
+        if not self.confirmed:
+            raise InputError(f"{self.file}: {self.name} is not confirmed: {'; '.join(self.refused)}")
         document: Any = tomlkit.parse(self.file.read_text(encoding="utf-8"))
         document["status"] = "confirmed"
         known = {one.sha256 for one in self.law.logs}
