@@ -112,7 +112,7 @@ def attribute_gap(plant: Plant, log: Log, noise: Mapping[str, float]) -> Locatio
     ----------
     plant: nominal plant, linear or nonlinear; its sensor models are inverted before signals are compared.
     log: channels in SI units. Places whose balances it does not show get what the others leave unexplained.
-    noise: channel -> standard deviation, see `signals.estimate_noise`.
+    noise: channel -> standard deviation, see `signals.noise_of`.
     """
     case = InjectionCase.of(plant, log, noise).with_curves()
     (run,) = case.run([{}])

@@ -57,8 +57,7 @@ def estimate_noise(log: Log) -> dict[str, float]:
 def noise_of(plant: Plant, log: Log) -> dict[str, float]:
     """Channel -> standard deviation of its noise, SI units: as the log shows it, or as the plant states it for its
     sensor where the log is too slow to tell noise from motion, see `slow_channels`."""
-    slow = slow_channels(plant, log)
-    return {name: plant.sensors[name].sd if name in slow else sd for name, sd in estimate_noise(log).items()}
+    return estimate_noise(log) | {name: plant.sensors[name].sd for name in slow_channels(plant, log)}
 
 
 def slow_channels(plant: Plant, log: Log) -> list[str]:

@@ -253,10 +253,8 @@ def _try(
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
     placebos = {one.name: share for one, (_, share) in zip(inputs, found, strict=True)}
     sums = [one for fits, share in found for one in beyond_chance(fits, share)]
-    held, valves = (
-        [replace(law, explained=_explained(law, inputs)) for law in laws]
-        for laws in ([law for one in inputs for law in one.held], [law for one in inputs for law in one.valves])
-    )
+    held = _with_explained([law for one in inputs for law in one.held], inputs)
+    valves = _with_explained([law for one in inputs for law in one.valves], inputs)
     far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
     chosen = screen_laws(held, scoring, base.fit, pool, far_held)
     chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool)
@@ -264,7 +262,7 @@ def _try(
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
     limits = [(law, one.others) for one in refitted if (law := one.proportional) is not None]
-    linear = [replace(law, explained=_explained(law, inputs)) for law, _ in limits]
+    linear = _with_explained([law for law, _ in limits], inputs)
     refitted += refit_laws(linear, scoring, base.fit, pool, [others for _, others in limits])
     return [
         _Tried(one, base, without, by_name[one.law.grammar.name], placebos[one.law.grammar.name]) for one in refitted
@@ -274,7 +272,7 @@ def _try(
 def _reduced(refitted: Sequence[FreeRunLaw], inputs: Sequence[LawInput]) -> list[LawFit]:
     """What the refits keep of laws of which some terms vanish."""
     found = [law for one in refitted if not one.stable and (law := one.reduced) is not None]
-    return _varied([replace(law, explained=_explained(law, inputs)) for law in found])
+    return _varied(_with_explained(found, inputs))
 
 
 def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
@@ -289,10 +287,14 @@ def promising(
     return _varied(screen_laws(sums, scoring, fit, pool, far))[:most]
 
 
-def _explained(law: LawFit, inputs: Sequence[LawInput]) -> float:
-    """What it explains of its unknown input, over the windows in which that is most."""
-    of = [one for one in inputs if one.name == law.grammar.name]
-    return max(explained_by(law, one.windows, one.nuisance) for one in of)
+def _with_explained(laws: Sequence[LawFit], inputs: Sequence[LawInput]) -> list[LawFit]:
+    """The laws with what each explains of its unknown input, over the windows in which that is most."""
+
+    def explained(law: LawFit) -> float:
+        of = [one for one in inputs if one.name == law.grammar.name]
+        return max(explained_by(law, one.windows, one.nuisance) for one in of)
+
+    return [replace(law, explained=explained(law)) for law in laws]
 
 
 def _varied(laws: Sequence[LawFit]) -> list[LawFit]:
