@@ -123,7 +123,12 @@ def command_line() -> str:
 
 def warn_implausible(plants: Iterable[Plant]) -> None:
     """Warn of values outside the bounds in a plant's file."""
-    for sentence in dict.fromkeys(sentence for plant in plants for sentence in plant.implausible):
+    warn_once(sentence for plant in plants for sentence in plant.implausible)
+
+
+def warn_once(sentences: Iterable[str]) -> None:
+    """Warn of each sentence, of equal ones once."""
+    for sentence in dict.fromkeys(sentences):
         warn(sentence)
 
 

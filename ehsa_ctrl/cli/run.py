@@ -13,7 +13,7 @@ import typer
 from ..core.errors import InputError, SimulationError
 from .complete import scenarios as scenario_names
 from .options import Force, Json, RunOptions, read_pairs
-from .output import OutputOptions, bare_table, provenance, warn_implausible
+from .output import OutputOptions, bare_table, provenance, warn_once
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -114,7 +114,7 @@ def command(
             results = list(_run_all(todo, jobs, options))
     except KeyboardInterrupt:
         raise KeyboardInterrupt("nothing is kept: results are written when all scenarios are done") from None
-    warn_implausible(result.plant for result in results)
+    warn_once(sentence for result in results for sentence in result.warnings)
     if update_baselines:
         results = _update(results, reason, out, quiet=as_json)
     failed = [result for result in results if not result.passed]

@@ -94,6 +94,7 @@ def command(
         "sample_time": log.sample_time,
         "stopped": run.stopped,
         "limits_passed": [str(exceedance) for exceedance in run.exceeded],
+        "warnings": [str(one) for one in run.extrapolated],
         "exceeded": [as_dict(exceedance, sentence=str(exceedance)) for exceedance in run.exceeded],
         **run.shown(),
         "pressure_level_drift": run.pressure_level_drift,
@@ -115,6 +116,8 @@ def command(
         print(run.summary())
         for exceedance in run.exceeded:
             warn(f"limit exceeded: {exceedance}")
+        for beyond in run.extrapolated:
+            warn(str(beyond))
         if run.stopped:
             warn(f"the log ends early: {run.stopped}")
         if abs(run.pressure_level_drift) > 1e5:

@@ -169,6 +169,11 @@ class ScenarioResult(Result):
         return self.nonlinear.trajectory.plant
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the nonlinear run doubtful: implausible values, and laws beyond the range of their logs."""
+        return (*self.plant.implausible, *map(str, self.nonlinear.trajectory.extrapolated))
+
+    @property
     def _plant_numbers(self) -> tuple[Parameter, ...]:
         """All numbers of the plant's file: parameters and sensor data."""
         sensors = [number for sensor in self.plant.sensors.values() for number in sensor.stated]
@@ -195,7 +200,7 @@ class ScenarioResult(Result):
             not_defined={name: why for name in METRICS if (why := scenario.definition.reason_undefined(name))},
             linear_model_passed_limits=[str(item) for item in self.linear.trajectory.exceeded],
             assumed={p.name: p.value for p in self._plant_numbers if p.source == "assumed"},
-            warnings=plant.implausible, seed=scenario.definition.sensors.seed, provenance=versions(),
+            warnings=self.warnings, seed=scenario.definition.sensors.seed, provenance=versions(),
         )  # fmt: skip
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -253,6 +258,7 @@ class ScenarioResult(Result):
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED: " + first_reasons(self.failures)
         lines = [f"{self.scenario.name} with {self.controller.name}{self.of_draw}: {verdict}", self.table().to_string()]
+        lines += map(str, self.nonlinear.trajectory.extrapolated)
         return "\n".join([*lines, *([self.solver_words] if self.solver_words else [])])
 
     @property

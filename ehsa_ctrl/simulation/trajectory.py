@@ -16,6 +16,7 @@ from ..core.log import CHANNELS
 from ..core.plotting import draw
 from ..core.result import Result
 from ..plant.plant import Plant
+from .law_range import Extrapolation, extrapolations
 from .limits import Exceedance, exceedances
 
 if TYPE_CHECKING:
@@ -116,6 +117,14 @@ class Trajectory(Result):
         """Limits of the plant that this run exceeded."""
         return tuple(exceedances(self.plant, self.time, self.current, self.states, self.extremes))
 
+    @cached_property
+    def extrapolated(self) -> tuple[Extrapolation, ...]:
+        """Variables that left the range of the logs from which a law of the plant was found."""
+        states = self.plant.structure.equations.states
+        reached = {state.name: (float(a), float(b)) for state, a, b in zip(states, *self.extremes, strict=True)}
+        reached |= {name: (float(np.min(one)), float(np.max(one))) for name, one in self._inputs.items()}
+        return tuple(extrapolations(self.plant, reached))
+
     def explained(self) -> Trajectory:
         """This run, if it was finished or exceeded a limit of the plant before it stopped.
 
@@ -174,4 +183,5 @@ class Trajectory(Result):
 
     def __str__(self) -> str:
         passed = [f"  limit exceeded: {exceedance}" for exceedance in self.exceeded]
-        return "\n".join([self.summary(), *passed, *([f"  {self.stopped}"] if self.stopped else [])])
+        beyond = [f"  {one}" for one in self.extrapolated]
+        return "\n".join([self.summary(), *passed, *beyond, *([f"  {self.stopped}"] if self.stopped else [])])

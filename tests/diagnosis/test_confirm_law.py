@@ -4,8 +4,10 @@ import hashlib
 import json
 import os
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -13,8 +15,9 @@ import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.core.errors import InputError
+from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause
-from ehsa_ctrl.diagnosis.law.confirm import _Test
+from ehsa_ctrl.diagnosis.law.confirm import _alike, _Test
 from ehsa_ctrl.diagnosis.law.confirmation import Confirmation, SeenRange
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
 
@@ -70,10 +73,13 @@ def test_the_log_of_the_proposal_is_no_second_log(project, monkeypatch):
     (project / "effects" / "valve.toml").write_text(known)
     (project / "copy.csv").write_bytes((project / "log.csv").read_bytes())
     (project / "again.csv").write_text((project / "log.csv").read_text().rstrip("\n") + "\n\n")
+    header, *rows = (project / "log.csv").read_text().splitlines()
+    (project / "cut.csv").write_text("\n".join([header, *rows[200:1800]]) + "\n")
 
     assert confirm("valve", "copy.csv")[0] == 1
     assert "is a log from which the law was found" in confirm("valve", "copy.csv")[1]
     assert "repeats log.csv, channel by channel" in confirm("valve", "again.csv")[1]
+    assert "repeats log.csv, channel by channel" in confirm("valve", "cut.csv")[1]
     (project / "elsewhere").mkdir()
     monkeypatch.chdir(project / "elsewhere")
     file = str(project / "effects" / "valve.toml")
@@ -108,6 +114,66 @@ def test_a_file_that_could_not_be_written(project, monkeypatch):
         CliRunner().invoke(
             app, ["effects", "confirm", "valve", "missing.csv", "--plant", "ehsa"], catch_exceptions=False
         )
+
+
+def test_a_stretch_of_a_log_repeats_it():
+    """Cut, begun later, sampled otherwise; not with another waveform or in part only."""
+    time = 0.004 * np.arange(3000)
+    random = np.random.default_rng(0)
+    waves = {name: np.cumsum(random.standard_normal(time.size)) for name in ("speed", "p1")}
+    log = Log(time, waves)
+    cut = Log(time[:2000], {name: wave[700:2700] for name, wave in waves.items()})
+    slow = Log(time[::3], {name: wave[::3] for name, wave in waves.items()})
+    other = Log(time, {"speed": waves["speed"], "p1": waves["p1"][::-1].copy()})
+    begins = np.concatenate([waves["speed"][2000:], np.cumsum(random.standard_normal(2000))])
+    tail = Log(time, {"speed": begins, "p1": waves["p1"]})
+
+    assert _alike(log, cut) and _alike(cut, log) and _alike(log, slow)
+    assert not _alike(log, other) and not _alike(log, tail)
+
+
+def numbers_of(refitted, sd, moved):
+    """A test of a brake from 3 A on whose law changes a run by 40 %, refitted to other logs."""
+    sizes = {"c_1": (0.8, "N m", 0.0), "c_at_1": (3.0, "A", None), "c_width_1": (0.05, "A", None)}
+    law = LawFile.model_validate(
+        {
+            "schema": 1, "status": "proposed", "summary": "brake", "adds_to": "torque",
+            "expression": "c_1 * d_M * 0.5 * (1 + tanh((c_at_1 - current) / c_width_1))",
+            "parameters": {
+                n: {"value": v, "unit": u, "sd": 0.001 * v} | ({} if zero is None else {"neutral": zero})
+                for n, (v, u, zero) in sizes.items()
+            },
+        }
+    )  # fmt: skip
+    values = {n: one.value for n, one in law.parameters.items()}
+    gap = {"nominal": 0.4, "refit": 0.3, "with_law": 0.01, "law_refitted": 0.01}
+    gap = {model: {"total": value} for model, value in gap.items()}
+    return _Test(None, values, law, values | refitted, dict.fromkeys(values, 0.001) | sd, gap, 0.4, moved, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("refitted", "sd", "moved", "refused"),
+    [
+        ({"c_width_1": 0.2}, {}, {"c_at_1": 0.0, "c_width_1": 0.002}, []),
+        ({"c_at_1": 2.5}, {}, {"c_at_1": 0.2, "c_width_1": 0.0}, ["the size changes: c_at_1 is 2.5"]),
+        ({"c_1": 0.9}, {}, {"c_at_1": 0.0, "c_width_1": 0.0}, ["the size changes: c_1 is 0.9"]),
+        ({}, {"c_1": 0.0}, {"c_at_1": 0.0, "c_width_1": 0.0}, ["c_1 can't be determined"]),
+    ],
+)
+def test_what_counts_as_a_change(refitted, sd, moved, refused):
+    """A width that changes no run is none; a number that no run shows has no size."""
+    found = numbers_of(refitted, sd, moved).refusals
+
+    assert len(found) == len(refused)
+    assert all(words in one for one, words in zip(found, refused, strict=True))
+
+
+def test_a_run_that_stops_is_no_share():
+    """The reason is said; there is no gap in percent."""
+    test = numbers_of({}, {}, {})
+    (reason,) = replace(test, gap={**test.gap, "with_law": {"total": float("inf")}}).refusals
+
+    assert "stops early there: the log may leave the range" in reason and "inf" not in reason
 
 
 def test_ranges_grow_together():

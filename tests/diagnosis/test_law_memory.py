@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from law_cases import TIME, case, with_memories
+from scipy.signal import lsim, lti
 
 import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
@@ -145,6 +146,25 @@ def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     left, factor = left_and_factor(grammar)
     assert left < 0.12 and factor == pytest.approx(-230.0, rel=0.05)
     assert left_and_factor(replace(grammar, slides=1.0))[0] > 3.0 * left
+
+
+def test_a_resonance_between_two_points_of_the_grid_comes_back(plant):
+    """Of the drive, hardly damped: 46 rad/s at 0.13."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=12.0, sample_time=0.004))
+    grammar = Grammar.of(plant, InjectionCase.of(plant, log, {}).signals, "torque")
+    current = grammar.known["current"]
+    natural, damping = 46.0, 0.13
+    system = lti([natural**2], [1.0, 2.0 * damping * natural, natural**2])
+    # The mean over each sample of what follows a current that is held: ten times the samples, then their means.
+    _, follows, _ = lsim(system, np.repeat(current, 10), 0.0004 * np.arange(10 * current.size), interp=False)
+    windows = Windows(1.2 * (follows.reshape(-1, 10).mean(axis=1) - current), 0.004)
+
+    best = find_sums(grammar, windows, np.zeros((windows.values.size, 0)))[0]
+
+    assert [term.text for term in best.terms] == ["(memory - current)"]
+    assert best.factors[0] == pytest.approx(1.2, rel=0.02)
+    assert best.terms[0].shapes == pytest.approx({"frequency": natural, "damping": damping}, rel=0.05)
+    assert grammar.factor_unit(best.terms[0]) == "N m A-1"
 
 
 def test_a_stop_is_no_reversal():

@@ -22,6 +22,7 @@ from ehsa_ctrl.diagnosis.regimes import Windows
         (lambda x, v, d: 4e5 * v**3, ["v**3"], [4e5]),
         (lambda x, v, d: 20.0 * d + 200.0 * v, ["d_R", "v"], [20.0, 200.0]),
         (lambda x, v, d: 5e4 * x, ["x"], [5e4]),
+        (lambda x, v, d: 2e6 * v * x**2, ["v * x**2"], [2e6]),
     ],
 )
 def test_a_closed_form_comes_back(unknown, terms, factors):
@@ -201,3 +202,17 @@ def test_a_wrong_nominal_parameter_is_no_law():
     nuisance = windows.of((1e5 * grammar.known["x"])[:, None])
 
     assert find_sums(grammar, windows, nuisance) == []
+
+
+def test_no_product_with_what_drives_the_rod(plant):
+    """The pressures balance any friction, so that their product with another variable would explain it."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=4.0, sample_time=0.004))
+    signals = InjectionCase.of(plant, log, {}).signals
+    products = {
+        name: [t.text for t in Grammar.of(plant, signals, name).terms() if len(t.variables) == 2 and not t.memory]
+        for name in ("force", "torque", "pump_flow")
+    }
+
+    assert "v * x**2" in products["force"] and not any("P_1" in text for text in products["force"])
+    assert "(P_1 - P_2) * abs(omega)" in products["pump_flow"]
+    assert any("P_1" in text for text in products["torque"])

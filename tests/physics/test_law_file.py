@@ -27,6 +27,20 @@ k_own = { value = 1e-6, unit = "N m s2", neutral = 0.0, bounds = [0.0, 1e-3], sd
 [range]
 omega = [-200.0, 200.0]
 """
+LAG = """
+schema = 1
+status = "proposed"
+summary = "a current that follows late"
+adds_to = "drive"
+expression = "g_own * (late - current)"
+
+[parameters]
+g_own = { value = 1.0, unit = "1", neutral = 0.0 }
+tau_own = { value = 0.02, unit = "s" }
+
+[states]
+late = { rate = "(current - late) / tau_own", unit = "A", scale = 1.0 }
+"""
 TIGHT = """
 schema = 1
 status = "confirmed"
@@ -133,6 +147,7 @@ def test_check_accepts_it_and_tries_the_plant(write):
         ('"torque"', '"speed"', "adds_to = 'speed'"),
         ('"proposed"', '"sure"', "status = 'sure'"),
         ("k_own = {", "k_other = { value = 1, unit = '1' }\nk_own = {", "the expression does not use it"),
+        ("[-200.0, 200.0]", "[200.0, -200.0]", r"\[range\] omega = \[200, -200\]; expected the lower one first"),
         ("omega = [", "omga = [", r"\[range\] omga: is not a variable"),
         ("schema = 1", "schema = 1\nplace = 3", "place: unknown key"),
         ("omega * abs(omega)", "omega / (omega + 200.0)", "can't be computed at omega = -200"),
@@ -146,6 +161,43 @@ def test_a_wrong_file_is_a_sentence(write, old, new, says):
     with pytest.raises(e.InputError, match=says) as caught:
         len(EFFECTS)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_law_of_the_drive_remembers_the_current_asked_for(write, plant):
+    """A lag of the motor current: the same run as with the shipped effect."""
+    write(LAG)
+    current = 2.0 * np.sign(np.sin(2.0 * np.pi * 4.0 * np.arange(0.0, 1.0, 0.004)))
+    tau = 0.02
+    run = e.simulate(plant.with_effects("own_law", g_own=1.0, tau_own=tau), current, tolerance=1e-9)
+    shipped = e.simulate(plant.with_effects("drive_lag", tau_I=tau), current, tolerance=1e-9)
+
+    for name in ("omega", "P_1", "v", "x"):
+        scale = np.max(np.abs(shipped[name]))
+        np.testing.assert_allclose(run[name], shipped[name], atol=1e-5 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize(("size", "amplitude", "beyond"), [(1e-6, 0.5, False), (1e-6, 2.0, True), (0.0, 2.0, False)])
+def test_a_run_beyond_the_range_of_a_law(write, plant, size, amplitude, beyond):
+    """It says so where the speed leaves the range of the logs, and the law acts."""
+    write(DRAG)
+    rig = plant.with_effects("own_law", k_own=size)
+    run = e.simulate(rig, np.full(100, amplitude))
+    fastest = np.max(np.abs(run["omega"]))
+    words = [one for one in str(run).splitlines() if "the law own_law is known for omega from -200 to 200 rad/s" in one]
+
+    assert (fastest > 200.0) == (amplitude > 1.0)
+    assert bool(words) == bool(run.extrapolated) == beyond
+
+
+def test_a_scenario_beyond_the_range_of_a_law(write, plant):
+    """The result warns, in its text and in its dictionary; of the plant without the law it does not."""
+    write(DRAG)
+    result, without = (e.run("steps_spring", plant=rig) for rig in (plant.with_effects("own_law", k_own=1e-6), plant))
+    (words,) = result.to_dict()["warnings"]
+
+    assert np.max(np.abs(result.nonlinear.trajectory["omega"])) > 210.0
+    assert words.startswith("the law own_law is known for omega from -200 to 200 rad/s") and words in str(result)
+    assert not without.warnings
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import correlate
 
 from ...core.errors import InputError, choices
 from ...core.log import Log
@@ -36,12 +37,14 @@ from .confirmation import Confirmation, RefittedNumber, SeenRange
 
 # The numbers below are engineering judgement.
 
-#: A number has changed if its 95 % interval and that of the proposal are apart and it differs by this share.
+#: A number has changed if its 95 % interval and that of the proposal are apart, and it differs by this share; one that
+#: places or shapes a term, if it alone changes a run by this share of what the whole law does.
 INTERVAL, CHANGED = 1.96, 0.1
 #: The size of a law is not determined if its standard deviation is this share of it.
 UNSURE = 0.5
-#: Two logs are repetitions if every channel of both correlates by more than this.
-SAME = 0.995
+#: A log repeats another one if each channel of both correlates by more than this over the same stretch, at any shift in
+#: time, and this stretch is at least so much of the shorter log.
+SAME, STRETCH = 0.995, 0.5
 
 
 @one_blas_thread()
@@ -131,18 +134,41 @@ def _repetitions(log: Log, law: LawFile, file: Path, plant: Plant) -> list[str]:
 
 
 def _alike(one: Log, other: Log) -> bool:
+    """Whether a stretch of one log repeats one of the other, which may be cut, shifted in time or sampled otherwise."""
     shared = [name for name in one.channels if name in other.channels]
-    if len(one) != len(other) or not shared:
+    shared = [name for name in shared if np.std(one[name]) > 0.0 and np.std(other[name]) > 0.0]
+    if not shared:
         return False
-    moving = [name for name in shared if np.std(one[name]) > 0.0 and np.std(other[name]) > 0.0]
-    return all(np.corrcoef(one[name], other[name])[0, 1] > SAME for name in moving)
+    dt = max(one.sample_time, other.sample_time)
+    found: list[np.ndarray] = []
+    for name in shared:
+        a, b = (np.interp(np.arange(log.time[0], log.time[-1], dt), log.time, log[name]) for log in (one, other))
+        found.append(_correlations(a, b, int(STRETCH * min(a.size, b.size))))
+    return bool(np.max(np.min(found, axis=0), initial=-1.0) > SAME)
+
+
+def _correlations(one: np.ndarray, other: np.ndarray, shortest: int) -> np.ndarray:
+    """Correlation coefficients of two signals (N,) and (M,) where they overlap, for each shift that leaves `shortest`
+    samples of overlap or more."""
+    # Deviations from the mean, because differences of large sums lose digits.
+    a, b = one - one.mean(), other - other.mean()
+    ones = np.ones_like(a), np.ones_like(b)
+    pairs = (ones[0], ones[1]), (a, ones[1]), (ones[0], b), (a**2, ones[1]), (ones[0], b**2), (a, b)
+    n, A, B, AA, BB, AB = (correlate(first, second, "full", "fft") for first, second in pairs)
+    kept = n > max(shortest, 2) - 0.5
+    n, A, B, AA, BB, AB = (part[kept] for part in (n, A, B, AA, BB, AB))
+    variances = np.maximum(AA - A**2 / n, 0.0) * np.maximum(BB - B**2 / n, 0.0)
+    # Where a channel hardly moves in the stretch, the sums are rounding errors.
+    moves = variances > (1e-6 * (a @ a) * (b @ b))
+    return np.where(moves, (AB - A * B / n) / np.sqrt(np.where(moves, variances, 1.0)), 0.0)
 
 
 @dataclass(frozen=True)
 class _Test:
     """Free runs of a law. values: of the file. refitted, sd: of its numbers. gap: model -> signal -> gap, held out.
 
-    change: largest gap that the law alone makes.
+    change: largest gap that the law alone makes. moved: number of the law that places or shapes a term -> the same that
+    its refitted value alone makes, beside the law as proposed.
     """
 
     segments: Segments
@@ -152,6 +178,7 @@ class _Test:
     sd: Mapping[str, float]
     gap: Mapping[str, Mapping[str, float]]
     change: float
+    moved: Mapping[str, float]
     threshold: float
 
     @classmethod
@@ -170,21 +197,31 @@ class _Test:
         if (best := fits["law_refitted"]) is not None:
             best, sd = fit_sizes(uncertain(objective, best), best)
             settings["law_refitted"] = best.values
-        runs = segments.whole.run([{}, values])
-        change = 0.0 if runs[0] is None or runs[1] is None else largest(segments.whole.change(runs[1], runs[0]))
-        gap = {model: segments.held_out.gap(setting) for model, setting in settings.items()}
         refitted = {n: settings["law_refitted"].get(n, float("nan")) for n in values}
-        return cls(segments, values, law, refitted, sd, gap, change, threshold)
+        shapes = [n for n, one in law.parameters.items() if one.neutral is None and np.isfinite(refitted[n])]
+        whole = segments.whole
+        without, proposed, *others = whole.run([{}, values, *(values | {n: refitted[n]} for n in shapes)])
+        change = 0.0 if without is None or proposed is None else largest(whole.change(proposed, without))
+        moved = {
+            n: float("inf") if run is None or proposed is None else largest(whole.change(run, proposed))
+            for n, run in zip(shapes, others, strict=True)
+        }
+        gap = {model: segments.held_out.gap(setting) for model, setting in settings.items()}
+        return cls(segments, values, law, refitted, sd, gap, change, moved, threshold)
 
     @property
     def numbers(self) -> dict[str, RefittedNumber]:
         """Each number of the law in the file and refitted."""
         found = {}
         for name, one in self.law.parameters.items():
-            before, after, sd = one.sd or 0.0, self.refitted[name], self.sd.get(name, float("inf"))
+            # A number of which the runs show nothing has no information, and no deviation.
+            before, after, sd = one.sd or 0.0, self.refitted[name], self.sd.get(name) or float("inf")
             apart = abs(after - one.value) > INTERVAL * (before + sd)
-            # A location and a width are compared with the width of what they place, a factor with itself.
-            changed = abs(after - one.value) > CHANGED * abs(one.value)
+            if name in self.moved:
+                # The width of a step may be any small one: what counts is what the law does.
+                changed = self.moved[name] > CHANGED * self.change
+            else:
+                changed = abs(after - one.value) > CHANGED * abs(one.value)
             found[name] = RefittedNumber(one.value, one.sd, after, sd, one.unit, not (apart and changed))
         return found
 
@@ -196,7 +233,12 @@ class _Test:
             return (f"{words}{100 * self.change:.2g} %); drive the rig through the range of the law",)
         out = []
         without, with_law = self.gap["refit"]["total"], self.gap["with_law"]["total"]
-        if not with_law < BETTER * without:
+        if not np.isfinite(with_law):
+            out.append(
+                "the simulation with the law as proposed stops early there: the log may leave the range in which the "
+                "law was found"
+            )
+        elif not with_law < BETTER * without:
             out.append(
                 f"the law gains nothing: with it as proposed {100 * with_law:.3g} % of gap are left, without it "
                 f"{100 * without:.3g} %, nominal parameters refitted in both; expected less than {100 * BETTER:.0f} % "

@@ -55,7 +55,7 @@ DRY_SHAPED = (
 #: Terms of the contact's own speed: odd ones, so that they dissipate in both directions, and a decaying dry friction.
 OF_SPEED = ("z", "z * abs(z)", "z**3", "abs(z)")
 #: Products of two variables.
-PRODUCTS = ("z * y", "z * abs(y)", "y * abs(z)")
+PRODUCTS = ("z * y", "z * abs(y)", "y * abs(z)", "z * y**2", "y * z**2")
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ class LawVariable:
 
     text: expression in the names of the equations. values: (N - 1,). speed, position: whether it is the contact's own.
     effort: whether it is an effort on the contact, on which friction alone depends: in steady motion any effort equals
-    the friction, so that another law of it would explain every unknown input.
+    the friction, so that another law of it would explain every unknown input. drives: whether it drives the contact,
+    so that a product with it would explain any friction that depends on the other factor.
     """
 
     text: str
@@ -73,6 +74,7 @@ class LawVariable:
     speed: bool = False
     position: bool = False
     effort: bool = False
+    drives: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,8 @@ class Grammar:
         ]
         if pressures and not addend.factors:
             first, second = pressures
-            found.insert(1, LawVariable(f"({first} - {second})", units[first], known[first] - known[second]))
+            difference = f"({first} - {second})", units[first], known[first] - known[second]
+            found.insert(1, LawVariable(*difference, drives=place == "force"))
         found += [LawVariable(n, units[n], known[n], effort=True) for n in efforts]
         moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
         plain = cls(
@@ -252,7 +255,7 @@ class Grammar:
             yield Term(self.direction, frozenset())
         for variable in self.variables:
             yield from self._of_one(variable)
-        plain = [v for v in self.variables if not v.effort]
+        plain = [v for v in self.variables if not (v.effort or v.drives)]
         for i, one in enumerate(plain):
             for other in plain[i + 1 :]:
                 both = frozenset({one.text, other.text})
@@ -301,7 +304,7 @@ class Grammar:
         powers = {base: -power for base, power in inner.items()}
         if not powers:
             return whole
-        plain = set(powers) <= ({"s"} if whole == "N m" else {"m", "s"}) and "/" not in whole
+        plain = set(powers) <= ({"s", "A"} if whole == "N m" else {"m", "s", "A"}) and "/" not in whole
         return f"{whole} {words(powers)}" if plain else _joined(whole, powers)
 
 

@@ -30,8 +30,8 @@ QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
 FORGETS = 50.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
-#: Natural frequencies [rad/s] and damping ratio of a resonance.
-RESONANCES, DAMPING = (30.0, 100.0, 300.0), 0.2
+#: Natural frequencies [rad/s] and damping ratios of a resonance; at the larger one neighbouring peaks overlap.
+RESONANCES, DAMPINGS = (30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0, 340.0), (0.1, 0.3)
 #: Waves over the shaft angle: periods per turn.
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
 

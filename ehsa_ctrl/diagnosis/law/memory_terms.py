@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...plant.system import Contact
 from ..regressors import balance_contact
 from .memory import (
     ACCELERATION,
-    DAMPING,
+    DAMPINGS,
     LAGS,
     QUICK,
     RESONANCES,
@@ -67,8 +68,8 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
         slow = [share * seconds for share in SLOW_SHARES]
         yield from following(f"{drive} * {STATE}", f"{drive}**2", "A2", size**2, slow, (drive,))
         yield from following(f"({STATE} - {drive})", drive, "A", size, LAGS, (drive,))
-        for frequency in RESONANCES:
-            shapes = {"frequency": frequency, "damping": DAMPING}
+        for frequency, damping in product(RESONANCES, DAMPINGS):
+            shapes = {"frequency": frequency, "damping": damping}
             memory = resonance(drive, "A", size)
             yield MemoryTerm(f"({STATE} - {drive})", memory, shapes, {"frequency": "1/s", "damping": "1"}, (drive,))
 

@@ -202,9 +202,11 @@ class LawFile(Definition):
                     f"[states] {name}.rate: has {one}, which is {' or '.join(addend.own[one])} by the balance, but a "
                     "state has one value; write one file for each balance"
                 )
-        for name in self.range:
+        for name, (low, high) in self.range.items():
             if name not in self.variables:
                 raise ValueError(f"[range] {name}: is not a variable of the expression")
+            if not low <= high:
+                raise ValueError(f"[range] {name} = [{low:g}, {high:g}]; expected the lower one first")
         if addend.velocity and f"sign({addend.velocity})" in self.expression.replace(" ", ""):
             raise ValueError(
                 f"expression: has sign({addend.velocity}), which is zero at standstill; write {addend.direction}, the "
@@ -286,9 +288,11 @@ def effect_of(name: str, law: LawFile, where: str) -> Effect:
     _check_neutral(law, expression, name, where)
     sizes = {key: one.neutral for key, one in law.parameters.items() if one.neutral is not None}
     absent = " or ".join(f"{key} != {value!r}" for key, value in sizes.items())
+    # What a law of the drive remembers follows the current that is asked for, as the expression does, not its own.
+    asked = {addend.signal: f"asked_{addend.signal}"} if addend.place == "drive" else {}
     rates = {
         # Without the effect the state rests, so that the plant is the base plant to the last bit.
-        f"{key}_dot": Expression.parse(one.rate).function(
+        f"{key}_dot": Expression.parse(put(one.rate, **asked)).function(
             f"{name}_{key}", where, next(iter(sizes)), f"({{}}) if {absent} else 0.0", also=tuple(sizes)
         )
         for key, one in law.states.items()

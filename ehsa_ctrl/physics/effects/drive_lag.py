@@ -11,7 +11,7 @@ from ._effect import Effect, EffectParameter, EffectState
 
 #: Share of the second order in a diagnosis: damping 0.5, where its search starts, and 2.2 to 0.25 at the bounds. A
 #: smaller share differs little from a lag of first order, and makes the equations stiff.
-SECOND_ORDER = FreeNumber("b_I", 1.0, 0.1, 0.05, 4.0)
+SECOND_ORDER = FreeNumber("b_I", 1.0, 0.1, 0.05, 100.0)
 
 
 def current(current: float, asked_current: float, I_A: float, tau_I: float) -> float:

@@ -214,6 +214,9 @@ def _run(stem: str, run: Run, loops: Mapping[str, str]) -> Iterator[Any]:
         )
     else:
         yield Paragraph("The nonlinear run exceeded no plant limit.")
+    if run.get("warnings"):
+        yield Paragraph("What makes the run doubtful:")
+        yield Points(run["warnings"])
     if run["linear_model_passed_limits"]:
         yield Paragraph(f"The linear prediction exceeded: {'; '.join(run['linear_model_passed_limits'])}.")
     if run["margins"] is not None:
