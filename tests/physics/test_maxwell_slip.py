@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 import ehsa_ctrl
 from ehsa_ctrl.physics.effects.maxwell_slip import RIGID, friction, limit, net_force, spring, sticking
+from ehsa_ctrl.physics.effects.position_dependent_friction import COEFFICIENTS
+from ehsa_ctrl.physics.effects.position_dependent_friction import friction as at_a_place
 
 LAW = {"A_FR": 854.0, "C_FR": 213.0, "tau_FR": 0.007, "s_slip": 1e-7}
 HOLDS = {"A_FR": 854.0, "C_FR": 213.0, "s_slip": 1e-7}
@@ -35,6 +37,26 @@ def test_at_constant_speed_it_is_the_stribeck_curve(v):
     elastic = -net_force(0.0, v, *z, **LAW)
     assert elastic + friction(curve, 1.0, v, **LAW) == pytest.approx(curve, rel=1e-12)
     assert friction(curve, 1.0, v, **LAW) == pytest.approx(RIGID * curve, rel=1e-9)
+
+
+@given(v=st.floats(0.0, 1.0), d=st.sampled_from([-1.0, 1.0]), h=st.floats(-0.95, 2.0), first=st.booleans())
+def test_a_looser_place_does_not_push(v, d, h, first):
+    """The rigid slider resists the motion wherever friction is lower than the sliders hold, in whatever order both act;
+    where it is not lower, it has what the place adds."""
+    v, curve = d * v, 854.0 + 213.0 * np.exp(-v / 0.007)
+    place = dict.fromkeys(("x", "x_h", "n_h", "h_FR2", "x_h2", "x_a", *COEFFICIENTS), 0.0)
+
+    def spot(F_FR):
+        return at_a_place(F_FR, d, A_FR=854.0, h_FR=h, w_h=0.01, x_b=0.1, **place)
+
+    def slide(F_FR):
+        return friction(F_FR, d, v, **LAW)
+
+    force = spot(slide(d * curve)) if first else slide(spot(d * curve))
+
+    assert d * force > 0.0
+    if h >= 0.0:
+        assert d * force == pytest.approx(RIGID * curve + h * 854.0, rel=1e-9)
 
 
 def test_a_held_rod_stands_still(plant):

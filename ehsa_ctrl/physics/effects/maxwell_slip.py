@@ -58,9 +58,10 @@ def spring(v: float, z: float, share: float, A_FR: float, C_FR: float, tau_FR: f
 
 
 def friction(F_FR: float, d_R: float, v: float, A_FR: float, C_FR: float, tau_FR: float, s_slip: float) -> float:
-    """F_FR with the rigid slider's share of its dry part."""
-    elastic = d_R * ((1.0 - RIGID) * (A_FR + C_FR * exp(-d_R * v / tau_FR)))
-    return F_FR - elastic if s_slip > 0.0 else F_FR
+    """F_FR with the rigid slider's share of its dry part, which it keeps where another effect has less friction."""
+    level = A_FR + C_FR * exp(-d_R * v / tau_FR)
+    elastic = min((1.0 - RIGID) * level, max(d_R * F_FR - RIGID * level, 0.0))
+    return F_FR - d_R * elastic if s_slip > 0.0 else F_FR
 
 
 def net_force(
