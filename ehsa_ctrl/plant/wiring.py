@@ -164,7 +164,9 @@ class _Wiring:
                 f"system {self.structure.system.name!r} with these friction laws and effects; {choices(name, known)}"
             )
         self.placed[f"{ASKED}{name}"] = current
-        for effect, function in self.changes.get(name, ()):
+        # What extends a law shares out what all other effects leave of it.
+        changes = sorted(self.changes.get(name, ()), key=lambda change: bool(EFFECTS[change[0]].extends))
+        for effect, function in changes:
             old = {a for a in inspect.signature(function).parameters if self.structure.system.own(a) == name}
             current = self._call(f"{name}__{effect}", function, dict.fromkeys(old, current), ready=old)
         if name in self.held:

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ehsa_ctrl
 from ehsa_ctrl.physics.effects.maxwell_slip import RIGID, friction, limit, net_force, spring, sticking
-from ehsa_ctrl.physics.effects.position_dependent_friction import COEFFICIENTS
-from ehsa_ctrl.physics.effects.position_dependent_friction import friction as at_a_place
+from ehsa_ctrl.plant.arrays import array_evaluator
 
 LAW = {"A_FR": 854.0, "C_FR": 213.0, "tau_FR": 0.007, "s_slip": 1e-7}
 HOLDS = {"A_FR": 854.0, "C_FR": 213.0, "s_slip": 1e-7}
@@ -39,24 +38,31 @@ def test_at_constant_speed_it_is_the_stribeck_curve(v):
     assert friction(curve, 1.0, v, **LAW) == pytest.approx(RIGID * curve, rel=1e-9)
 
 
-@given(v=st.floats(0.0, 1.0), d=st.sampled_from([-1.0, 1.0]), h=st.floats(-0.95, 2.0), first=st.booleans())
-def test_a_looser_place_does_not_push(v, d, h, first):
-    """The rigid slider resists the motion wherever friction is lower than the sliders hold, in whatever order both act;
-    where it is not lower, it has what the place adds."""
-    v, curve = d * v, 854.0 + 213.0 * np.exp(-v / 0.007)
-    place = dict.fromkeys(("x", "x_h", "n_h", "h_FR2", "x_h2", "x_a", *COEFFICIENTS), 0.0)
-
-    def spot(F_FR):
-        return at_a_place(F_FR, d, A_FR=854.0, h_FR=h, w_h=0.01, x_b=0.1, **place)
-
-    def slide(F_FR):
-        return friction(F_FR, d, v, **LAW)
-
-    force = spot(slide(d * curve)) if first else slide(spot(d * curve))
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("effect", "size", "share"),
+    [
+        ("position_dependent_friction", "h_FR", lambda d: 1.0),
+        ("asymmetric_friction", "a_FR", lambda d: d),
+    ],
+)
+@settings(deadline=None)
+@given(v=st.floats(0.0, 1.0), d=st.sampled_from([-1.0, 1.0]), percent=st.integers(-90, 90))
+def test_less_friction_does_not_push(effect, size, share, order, v, d, percent):
+    """The rigid slider resists the motion wherever friction is lower than the sliders hold, in whatever order the plant
+    names both; where it is not lower, it has what the other effect adds."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    rig = plant.with_effects(*("maxwell_slip", effect)[::order], s_slip=1e-7, **{size: percent / 100})
+    # The place of the spot is x = 0.
+    known = {**rig.values, "v": d * v, "d_R": d, "x": 0.0}
+    signal = rig.structure.equations.signals["F_FR"]
+    force = float(array_evaluator(rig.structure.equations, [signal])(known)[signal])
+    dry = plant["A_FR"] + plant["C_FR"] * np.exp(-v / plant["tau_FR"])
+    more = percent / 100 * share(d)
 
     assert d * force > 0.0
-    if h >= 0.0:
-        assert d * force == pytest.approx(RIGID * curve + h * 854.0, rel=1e-9)
+    if more >= 0.0:
+        assert d * force == pytest.approx(RIGID * dry + more * plant["A_FR"] + plant["B_FR"] * v, rel=1e-9)
 
 
 def test_a_held_rod_stands_still(plant):

@@ -159,7 +159,7 @@ def _correlations(one: np.ndarray, other: np.ndarray, shortest: int) -> np.ndarr
     n, A, B, AA, BB, AB = (part[kept] for part in (n, A, B, AA, BB, AB))
     variances = np.maximum(AA - A**2 / n, 0.0) * np.maximum(BB - B**2 / n, 0.0)
     # Where a channel hardly moves in the stretch, the sums are rounding errors.
-    moves = variances > (1e-6 * (a @ a) * (b @ b))
+    moves = variances > 1e-6 * (a @ a) * (b @ b)
     return np.where(moves, (AB - A * B / n) / np.sqrt(np.where(moves, variances, 1.0)), 0.0)
 
 

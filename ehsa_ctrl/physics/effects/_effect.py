@@ -167,6 +167,7 @@ class Effect:
     law: the expression of an effect from a TOML file.
     extends: another effect, to whose law this one adds a term with states of its own. The other one's candidates have
         its parameters, and a diagnosis reports them there. It acts beside the other effect alone if that has equations.
+        It acts after all effects that extend none.
     source: of its equation.
 
     Raises TypeError for an unknown place.

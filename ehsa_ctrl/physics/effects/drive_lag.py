@@ -9,7 +9,7 @@ from math import inf
 from ._candidate import CandidateEffect, DiagnosisContext, FreeNumber, from_neutral
 from ._effect import Effect, EffectParameter, EffectState
 
-#: Share of the second order in a diagnosis: damping 0.5, where its search starts, and 2.2 to 0.25 at the bounds. A
+#: Share of the second order in a diagnosis: damping 0.5, where its search starts, and 2.2 to 0.05 at the bounds. A
 #: smaller share differs little from a lag of first order, and makes the equations stiff.
 SECOND_ORDER = FreeNumber("b_I", 1.0, 0.1, 0.05, 100.0)
 

@@ -55,15 +55,11 @@ def friction(
     h_FR: float, x_h: float, w_h: float, n_h: float, h_FR2: float, x_h2: float, x_a: float, x_b: float,
     c_FR1: float, c_FR2: float, c_FR3: float, c_FR4: float, c_FR5: float, c_FR6: float,
 ) -> float:  # fmt: skip
-    """F_FR + sign(v) A_FR (h profile(x - x_h) + h_2 profile(x - x_h2) + exp(series(x)) - 1), at least LEAST A_FR.
-
-    At least LEAST of F_FR too, of which elastic sliders leave little.
-    """
+    """F_FR + sign(v) A_FR (h profile(x - x_h) + h_2 profile(x - x_h2) + exp(series(x)) - 1), at least LEAST A_FR."""
     second = h_FR2 * profile(x, x_h2, w_h, n_h) if h_FR2 != 0.0 else 0.0
     largest = max(abs(c_FR1), abs(c_FR2), abs(c_FR3), abs(c_FR4), abs(c_FR5), abs(c_FR6))
     free = exp(series(x, x_a, x_b, c_FR1, c_FR2, c_FR3, c_FR4, c_FR5, c_FR6)) - 1.0 if largest > 0.0 else 0.0
-    more = A_FR * max(h_FR * profile(x, x_h, w_h, n_h) + second + free, LEAST - 1.0)
-    return F_FR + d_R * max(more, min((LEAST - 1.0) * d_R * F_FR, 0.0))
+    return F_FR + d_R * (A_FR * max(h_FR * profile(x, x_h, w_h, n_h) + second + free, LEAST - 1.0))
 
 
 def candidates(effect: Effect, context: DiagnosisContext) -> list[CandidateEffect]:
