@@ -94,7 +94,7 @@ def command(
         "sample_time": log.sample_time,
         "stopped": run.stopped,
         "limits_passed": [str(exceedance) for exceedance in run.exceeded],
-        "warnings": [str(one) for one in run.extrapolated],
+        "warnings": run.warnings,
         "exceeded": [as_dict(exceedance, sentence=str(exceedance)) for exceedance in run.exceeded],
         **run.shown(),
         "pressure_level_drift": run.pressure_level_drift,

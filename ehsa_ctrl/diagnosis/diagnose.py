@@ -338,7 +338,14 @@ def _diagnose_selection(
             # Effects that are equivalent on any log make the verdict ambiguous too.
             verdict = "ambiguous"
     experiment = deciding_experiment(selection, hypotheses, prepared.noise)
-    todo = advice(verdict, causes, plant.structure.system, [one.log for one in prepared.logs], has_law=law is not None)
+    todo = advice(
+        verdict,
+        causes,
+        plant.structure.system,
+        [one.log for one in prepared.logs],
+        has_law=law is not None,
+        has_curve=explanation.rest is not None,
+    )
     if law is not None:
         experiment = form_experiment(law, hypotheses.objective, prepared.noise)
     least = selection.ranked[0].deviance

@@ -132,7 +132,7 @@ class Reference:
 def select_model(scores: Sequence[ScoredHypothesis], reference: Reference) -> Selection:
     """Select the causes from scored hypotheses."""
     ranked = rank(scores)
-    with_causes = [one for one in ranked if one.causes] or ranked
+    with_causes = _with_causes(ranked)
     chosen = _select_smallest(with_causes, reference)
     chosen = _select_simplest(with_causes, chosen, reference.margin(chosen))
     while better := [one for one in with_causes if dominates(one, chosen, reference)]:
@@ -145,11 +145,16 @@ def selection_of(chosen: ScoredHypothesis, ranked: Sequence[ScoredHypothesis], r
 
     Sets that it dominates are no alternatives, and have no probability.
     """
-    with_causes = [one for one in ranked if one.causes and not dominates(chosen, one, reference)] or ranked
+    with_causes = _with_causes([one for one in ranked if not dominates(chosen, one, reference)])
     alternatives = _alternatives(chosen, with_causes, reference.margin(chosen))
     probability = _probability(with_causes, chosen, reference)
     verdict = _verdict(chosen, alternatives)
     return Selection(verdict, chosen, alternatives, probability, tuple(ranked), _misfit(chosen, reference))
+
+
+def _with_causes(ranked: Sequence[ScoredHypothesis]) -> Sequence[ScoredHypothesis]:
+    """The hypotheses with causes; all if none has any."""
+    return [one for one in ranked if one.causes] or ranked
 
 
 def dominates(one: ScoredHypothesis, other: ScoredHypothesis, reference: Reference) -> bool:

@@ -137,17 +137,26 @@ def nearest_sentence(d: Diagnosis) -> str:
 
 
 def advice(
-    verdict: str, causes: Sequence[Cause], system: System, logs: Sequence[Log], *, has_law: bool = False
+    verdict: str,
+    causes: Sequence[Cause],
+    system: System,
+    logs: Sequence[Log],
+    *,
+    has_law: bool = False,
+    has_curve: bool = False,
 ) -> str | None:
     """What to do if no experiment is proposed; None for a verdict that needs nothing.
 
-    has_law: whether a law is proposed, in one form.
+    has_law: whether a law is proposed, in one form. has_curve: whether a free curve closes much of what is left.
     """
     combinations = missing_combinations(system, logs) if system.prescribed else ""
     if has_law or verdict in ("outside_catalogue", "partly"):
         curve = (
             "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
             "temperature whether the curve stays the same"
+            if has_curve
+            else "log the rig at another load and temperature, with every channel that it has: what is left depends on "
+            "no variable of this log by a clear curve"
         )
         law = (
             "log the rig at another load or with another waveform, and confirm the law with that log by "

@@ -170,8 +170,8 @@ class ScenarioResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the nonlinear run doubtful: implausible values, and laws beyond the range of their logs."""
-        return (*self.plant.implausible, *map(str, self.nonlinear.trajectory.extrapolated))
+        """Of the nonlinear run, see `Trajectory.warnings`."""
+        return self.nonlinear.trajectory.warnings
 
     @property
     def _plant_numbers(self) -> tuple[Parameter, ...]:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..physics.effects import ADDENDS, EFFECTS
+from ..plant.arrays import array_evaluator
 from ..plant.plant import Plant
 
 #: A variable has left a range if it is beyond it by this share of the range's width. Engineering judgement.
@@ -30,22 +33,35 @@ class Extrapolation:
         )
 
 
-def extrapolations(plant: Plant, reached: Mapping[str, tuple[float, float]]) -> Iterator[Extrapolation]:
+def extrapolations(
+    plant: Plant, extremes: Mapping[str, tuple[float, float]], sampled: Mapping[str, np.ndarray]
+) -> Iterator[Extrapolation]:
     """Variables that left the `[range]` of a law that acts in the plant.
 
-    reached: state or input -> lowest and highest value in a run, SI units. Other variables of a law, such as an effort
-    on a contact, are not looked at.
+    extremes: state or input -> lowest and highest value in a run, SI units. sampled: state, input or direction of a
+    contact -> (N,) in the run, from which the efforts on a contact follow.
     """
-    units = plant.structure.units
+    system, units = plant.structure.system, plant.structure.units
+    ranges = list(_ranges(plant))
+    efforts = {effort for contact in system.all_contacts for effort in contact.efforts}
+    wanted = sorted(efforts.intersection(variable for _, variable, _ in ranges).difference(extremes))
+    found = array_evaluator(plant.structure.equations, wanted)({**plant.values, **sampled}) if wanted else {}
+    reached = {**{name: (float(np.min(one)), float(np.max(one))) for name, one in found.items()}, **extremes}
+    for effect, variable, (low, high) in ranges:
+        margin = BEYOND * (high - low)
+        lowest, highest = reached.get(variable, (low, high))
+        if lowest < low - margin or highest > high + margin:
+            yield Extrapolation(effect, variable, units[variable], (low, high), (lowest, highest))
+
+
+def _ranges(plant: Plant) -> Iterator[tuple[str, str, tuple[float, float]]]:
+    """Effect, variable and range of each law that acts, by the plant's names."""
     for name in plant.structure.effects:
         effect = EFFECTS[name]
         if effect.law is None or all(p.shape or plant[p.name] == p.neutral for p in effect.parameters):
             continue
         law = effect.law.definition
         own = ADDENDS[law.adds_to].own
-        for variable, (low, high) in law.range.items():
-            margin = BEYOND * (high - low)
+        for variable, known in law.range.items():
             for one in map(plant.structure.system.own, own.get(variable, (variable,))):
-                lowest, highest = reached.get(one, (low, high))
-                if lowest < low - margin or highest > high + margin:
-                    yield Extrapolation(name, one, units[one], (low, high), (lowest, highest))
+                yield name, one, known

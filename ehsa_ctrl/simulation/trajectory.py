@@ -120,10 +120,18 @@ class Trajectory(Result):
     @cached_property
     def extrapolated(self) -> tuple[Extrapolation, ...]:
         """Variables that left the range of the logs from which a law of the plant was found."""
-        states = self.plant.structure.equations.states
-        reached = {state.name: (float(a), float(b)) for state, a, b in zip(states, *self.extremes, strict=True)}
-        reached |= {name: (float(np.min(one)), float(np.max(one))) for name, one in self._inputs.items()}
-        return tuple(extrapolations(self.plant, reached))
+        structure = self.plant.structure
+        names = [state.name for state in structure.equations.states]
+        extremes = {name: (float(a), float(b)) for name, a, b in zip(names, *self.extremes, strict=True)}
+        extremes |= {name: (float(np.min(one)), float(np.max(one))) for name, one in self._inputs.items()}
+        directions = [contact.direction for contact in structure.system.contacts]
+        sampled = {**dict(zip(names, self.states.T, strict=True)), **dict(zip(directions, self.modes.T, strict=True))}
+        return tuple(extrapolations(self.plant, extremes, {**sampled, **self._inputs}))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes this run doubtful: implausible values, and laws beyond the range of their logs."""
+        return (*self.plant.implausible, *map(str, self.extrapolated))
 
     def explained(self) -> Trajectory:
         """This run, if it was finished or exceeded a limit of the plant before it stopped.

@@ -17,8 +17,9 @@ from ehsa_ctrl.core import registry
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.diagnosis import Cause
-from ehsa_ctrl.diagnosis.law.confirm import _alike, _Test
+from ehsa_ctrl.diagnosis.law.confirm import _alike, _ranges, _Test
 from ehsa_ctrl.diagnosis.law.confirmation import Confirmation, SeenRange
+from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
 
 FILE = """\
@@ -174,6 +175,19 @@ def test_a_run_that_stops_is_no_share():
     (reason,) = replace(test, gap={**test.gap, "with_law": {"total": float("inf")}}).refusals
 
     assert "stops early there: the log may leave the range" in reason and "inf" not in reason
+
+
+def test_a_direction_of_motion_has_no_range(plant):
+    """Dry friction at a place: the range is that of the place, as in the log."""
+    log, _ = e.record(plant, *e.excitation("noise", amplitude=3.0, duration=3.0, sample_time=0.004), centre=True)
+    law = {
+        **tomllib.loads(FILE), "adds_to": "force", "expression": "A_rig * d_R * abs(x)", "range": {},
+        "parameters": {"A_rig": {"value": 1e3, "unit": "N/m", "neutral": 0.0}},
+    }  # fmt: skip
+    found = _ranges(prepare_logs(plant, [log], None, 0.03, check=False), LawFile.model_validate(law))
+
+    assert found.keys() == {"x"}
+    np.testing.assert_allclose(found["x"].seen, (log["position"].min(), log["position"].max()), atol=1e-4)
 
 
 def test_ranges_grow_together():

@@ -92,7 +92,9 @@ def test_a_proposed_law_is_to_be_confirmed():
 
     for verdict in ("effect", "partly", "outside_catalogue"):
         assert "effects confirm" in advice(verdict, (), system, (), has_law=True)
-    assert "the curve found there" in advice("outside_catalogue", (), system, ())
+    assert "the curve found there" in advice("outside_catalogue", (), system, (), has_curve=True)
+    assert "no variable of this log" not in advice("partly", (), system, (), has_curve=True)
+    assert "no variable of this log" in advice("outside_catalogue", (), system, ())
     assert advice("effect", (), system, ()) is None
 
 

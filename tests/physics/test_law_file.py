@@ -54,6 +54,19 @@ w_own = { value = 0.01, unit = "m", bounds = [0.001, 0.1] }
 A_own = { value = 150.0, unit = "N", neutral = 0.0 }
 K_own = { value = 2e4, unit = "N/m", neutral = 0.0 }
 """
+LOADED = """
+schema = 1
+status = "proposed"
+summary = "friction of the gear under the load of the arm"
+adds_to = "torque"
+expression = "k_own * d_M * abs(T_L)"
+
+[parameters]
+k_own = { value = -0.05, unit = "1", neutral = 0.0 }
+
+[range]
+T_L = [-0.5, 0.5]
+"""
 CURRENT = 1.5 * np.sin(np.linspace(0, 12, 751))
 
 
@@ -266,3 +279,18 @@ def test_a_state_has_one_pressure(write):
 
     with pytest.raises(e.InputError, match=r"\[states\] late\.rate: has P, which is P_1 or P_2 by the balance"):
         check_definition(path)
+
+
+@pytest.mark.parametrize(("widest", "beyond"), [(0.5, False), (0.1, True)])
+def test_a_run_beyond_the_effort_of_a_law(write, widest, beyond):
+    """An effort on a contact is no state: here gravity on the arm, by its closed form m g l sin(theta + offset)."""
+    write(LOADED.replace("0.5", str(widest)))
+    rig = e.load_plant("xl330_pendulum").with_effects("own_law", k_own=-0.05)
+    run = e.simulate(rig, 0.5 * np.sin(6.0 * np.arange(0.0, 2.0, 0.005)))
+    gravity = rig["m"] * 9.80665 * rig["l"] * np.sin(run["theta"] + rig["offset"])
+
+    assert np.max(np.abs(gravity)) < 0.5
+    assert len(run.extrapolated) == beyond
+    for one in run.extrapolated:
+        assert one.variable == "T_L"
+        np.testing.assert_allclose(one.reached, (gravity.min(), gravity.max()), rtol=1e-12)

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shutil
 from urllib.parse import quote
 
 import pytest
@@ -212,3 +213,15 @@ def test_a_share_of_passing_runs_is_compared_with_the_required_probability(
     assert found.state is state
     assert "187 of 200 runs pass, probability 0.935 (95 % confidence interval 0.891 to 0.965)" in found.lead[0]
     assert LOOKS[found.state][0] == {None: "–", False: "✗", True: "✓"}[state]
+
+
+def test_what_makes_a_simulation_doubtful_is_on_its_page(tree, tmp_path):
+    """Each warning is a sentence; the symbol of a parameter keeps its letter."""
+    shutil.copytree(tree / "simulation", tmp_path, dirs_exist_ok=True)
+    content = json.loads((tmp_path / "simulation.json").read_text())
+    content["warnings"] = ["kappa = 3 lies outside 0 to 1", "the law drag is known for omega from -1 to 1 rad/s"]
+    (tmp_path / "simulation.json").write_text(json.dumps(content))
+    text = write_result_page(tmp_path, "simulation.json").read_text()
+
+    assert "kappa = 3 lies outside 0 to 1." in text
+    assert "The law drag is known for omega from -1 to 1 rad/s." in text

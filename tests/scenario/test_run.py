@@ -185,7 +185,8 @@ def test_what_is_set_beyond_belief_is_told(edited):
     assert result.to_dict()["warnings"] == [
         "K_T = 1.7 N m/A lies outside 0.87 to 1.6 N m/A, the plausible range of ehsa"
     ]
-    assert not run("steps_spring").plant.implausible
+    assert result.nonlinear.trajectory.warnings == result.warnings
+    assert not run("steps_spring").warnings
 
 
 def test_the_sensors_noise_is_among_what_is_assumed():

@@ -22,7 +22,7 @@ from ...identification.plant_log import read_plant_log
 from ...physics.effects import ADDENDS, EFFECTS, CandidateEffect, Effect, LawFile, LawLog, law_candidate
 from ...plant.plant import Plant
 from ..diagnose import diagnose
-from ..diagnosis import Diagnosis
+from ..diagnosis import Cause, Diagnosis
 from ..free_curve import BETTER
 from ..objective import Objective, objective_of
 from ..place_sets import InjectionCase
@@ -260,7 +260,7 @@ class _Test:
     def closed_by(self, found: Diagnosis, name: str) -> tuple[str, ...]:
         """Why the catalogue explains the logs better; empty if it does not, and where the law is what it names. found:
         diagnosis of the logs with the law as one of the effects. name: of the law."""
-        if any(name in (cause.id, *cause.ambiguous_with) for cause in found.effects):
+        if _naming(found, name):
             return ()
         named = [cause.name for cause in found.effects if cause.probability >= 0.5]
         closed, own = found.explained, 1.0 - self.gap["with_law"]["total"] / max(self.gap["nominal"]["total"], 1e-12)
@@ -280,7 +280,7 @@ def _fit(
 
 
 def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
-    """Range of each variable of the law: where it was found, and in these logs."""
+    """Range of each variable of the law but the direction of motion: where it was found, and in these logs."""
     cases = [InjectionCase.of(one.plant, one.log, one.noise) for one in prepared.logs]
     contacts = prepared.plant.structure.system.all_contacts
     known = [
@@ -290,6 +290,8 @@ def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
     ]
     found, own = {}, ADDENDS[law.adds_to].own
     for name in law.variables:
+        if any(name == contact.direction for contact in contacts):
+            continue
         values = [one[n] for one in known for n in own.get(name, (name,)) if n in one]
         if values:
             low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
@@ -299,6 +301,10 @@ def _ranges(prepared: PreparedLogs, law: LawFile) -> dict[str, SeenRange]:
 
 def _alternatives(found: Diagnosis, name: str) -> tuple[str, ...]:
     """Effects that explain the logs as well."""
-    own = [cause for cause in found.effects if name in (cause.id, *cause.ambiguous_with)]
-    others = [other for cause in own for other in (cause.id, *cause.ambiguous_with)]
+    others = [other for cause in _naming(found, name) for other in (cause.id, *cause.ambiguous_with)]
     return tuple(dict.fromkeys(other for other in others if other != name))
+
+
+def _naming(found: Diagnosis, name: str) -> list[Cause]:
+    """The causes of a diagnosis that are an effect, or may be."""
+    return [cause for cause in found.effects if name in (cause.id, *cause.ambiguous_with)]

@@ -128,8 +128,9 @@ def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
             inner = put(term.text, **shapes)
         texts.append(f"{prefix}_{i}" + ("" if inner == "1" else f" * {inner}"))
     expression = " + ".join(texts)
-    used = {name for v in grammar.variables for name in grammar.known if name in v.text}
-    ranges = {n: (float(np.min(grammar.known[n])), float(np.max(grammar.known[n]))) for n in sorted(used)}
+    # A direction of motion takes its two values in any log.
+    shown = sorted(grammar.known.keys() - {grammar.direction})
+    ranges = {n: (float(np.min(grammar.known[n])), float(np.max(grammar.known[n]))) for n in shown}
     file = {
         "schema": 1, "status": "proposed", "summary": f"found by a diagnosis: {' + '.join(t.text for t in law.terms)}",
         "adds_to": grammar.name, "expression": expression, "parameters": parameters, "states": states,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,8 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     sentences += [(f"Plant limit exceeded: {words}.", DOUBT) for words in passed]
     if not passed:
         sentences.append(("No plant limit was exceeded.", True))
-    sentences += [(f"{words[:1].upper()}{words[1:]}.", DOUBT) for words in content.get("warnings", [])]
+    # One may begin with the symbol of a parameter, which has no capital.
+    sentences += [(f"{re.sub('^the ', 'The ', words)}.", DOUBT) for words in content.get("warnings", [])]
     # The linear model has no dry friction.
     caption = "Grey bars: shaft or rod sticks." if content.get("model") != "linear" else ""
     drift = content["pressure_level_drift"]
