@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -42,6 +42,12 @@ MODELS = {
 }
 #: The same with that of a proposed law, if there is one.
 MODEL_WORDS = MODELS | {"with_law": "with the proposed law"}
+
+
+def models_shown(verdict: str, models: Iterable[str]) -> list[str]:
+    """The models whose gaps are meaningful: "with_effects" only if causes are named, none but nominal without a gap."""
+    omitted = {"no_gap": ("refit", "with_effects", "with_law", "upper_bound")} | dict.fromkeys(NAMING, ())
+    return [model for model in models if model not in omitted.get(verdict, ("with_effects",))]
 
 
 @dataclass(frozen=True)
@@ -266,6 +272,10 @@ class Diagnosis(Result):
             **({"closed_loop": loop.gap, "closed_loop_replay": loop} if (loop := self.closed_loop) else {}),
         )  # fmt: skip
 
+    def _shown(self, gaps: Mapping[str, Mapping[str, float]]) -> dict[str, Mapping[str, float]]:
+        """The gaps of those models that the verdict makes meaningful."""
+        return {model: gaps[model] for model in models_shown(self.verdict, gaps)}
+
     def _described(self, cause: Cause) -> dict[str, Any]:
         """A cause with its text in the catalogue, and the nominal value and meaning of its parameters."""
         effect, found = EFFECTS[cause.id], as_dict(cause)
@@ -305,18 +315,21 @@ class Diagnosis(Result):
         return draw(self)
 
     def __str__(self) -> str:
-        lines = [self.sentence, f"  held-out data: {self.held_out}", *_gap_table("gap there (%)", self.gap)]
+        lines = [self.sentence, f"  held-out data: {self.held_out}"]
+        lines += _gap_table("gap there (%)", self._shown(self.gap))
         if self.folds:
             lines.append(f"  {folds_sentence(self.folds)}")
         for one in self.logs:
-            before, after = (100.0 * one.gap[model]["total"] for model in ("nominal", "with_effects"))
-            lines.append(f"  {one.log.name}: total gap {before:.2f} %, with the causes {after:.2f} %")
+            shown = [f"{MODEL_WORDS[m]} {100.0 * gaps['total']:.2f} %" for m, gaps in self._shown(one.gap).items()]
+            lines.append(f"  {one.log.name}: total gap {', '.join(shown)}")
         if self.closed_loop is not None:
             loop = self.closed_loop
-            lines += _gap_table("in closed loop (%)", {**loop.gap, "sensor noise alone": loop.floor})
-            rows = [f"{MODEL_WORDS[model]} {1e3 * value:.3g} mm" for model, value in loop.position_error.items()]
+            lines += _gap_table("in closed loop (%)", {**self._shown(loop.gap), "sensor noise alone": loop.floor})
+            errors = models_shown(self.verdict, loop.position_error)
+            rows = [f"{MODEL_WORDS[model]} {1e3 * loop.position_error[model]:.3g} mm" for model in errors]
             lines.append(f"  position error with {loop.controller} (RMS): {', '.join(rows)}")
-            rows = [f"{MODEL_WORDS[model]} {100.0 * value:.2f} %" for model, value in loop.drive_gap.items()]
+            drives = models_shown(self.verdict, loop.drive_gap)
+            rows = [f"{MODEL_WORDS[model]} {100.0 * loop.drive_gap[model]:.2f} %" for model in drives]
             lines.append(f"  gap of the drive: {', '.join(rows)}")
         if self.where:
             lines.append(

@@ -10,9 +10,8 @@ from typing import Any
 
 from ..core.unit import factor
 from ..diagnosis.closed_loop_replay import MAX_DRIVE_DIFFERENCE
-from ..diagnosis.diagnosis import MODEL_WORDS
+from ..diagnosis.diagnosis import MODEL_WORDS, models_shown
 from ..scenario.metrics import METRICS
-from .outcome import models_shown
 from .page import DOUBT, Paragraph, Picture, Section, Sentence, Table
 from .signals import signal_display
 from .text import NOTHING, percent, unit, value_text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from ..diagnosis.diagnosis import NAMING
 
@@ -29,12 +29,6 @@ def after_words(verdict: str, causes: int, models: Container[str]) -> str:
     """Description of the model shown as "after"."""
     words = {"with_effects": f"with the cause{'s' if causes > 1 else ''} found", "with_law": "with the law found"}
     return words.get(after_model(verdict, models) or "", "with nominal parameters refitted")
-
-
-def models_shown(verdict: str, models: Iterable[str]) -> list[str]:
-    """The models whose gaps are meaningful: "with_effects" only if causes are named, none but nominal without a gap."""
-    omitted = {"no_gap": ("refit", "with_effects", "with_law", "upper_bound")} | dict.fromkeys(NAMING, ())
-    return [model for model in models if model not in omitted.get(verdict, ("with_effects",))]
 
 
 def outcome(verdict: str, causes: Mapping[str, Sequence[str]], members: Sequence[str]) -> str:

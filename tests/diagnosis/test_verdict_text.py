@@ -35,6 +35,15 @@ def test_a_gap_in_the_headline_is_that_of_the_table(verdict):
     assert "place of the gap, over the whole log: flow 100 %" in text
 
 
+@pytest.mark.parametrize("verdict", ["effect", "partly", "no_gap", "outside_catalogue"])
+def test_the_table_has_the_models_that_a_verdict_speaks_of(verdict):
+    """Without a cause there is no model with it, and without a gap nothing is refitted."""
+    lines = str(found(verdict, 0.147, 0.161)).splitlines()
+
+    assert any(line.startswith("  nominal plant") for line in lines)
+    assert any(line.startswith("  with the causes") for line in lines) == (verdict in ("effect", "partly"))
+
+
 def test_no_gap_is_said_of_the_whole_log():
     """That is what decides it; the held-out part may have less."""
     assert found("no_gap", 0.001, 0.021).sentence.startswith(

@@ -13,12 +13,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...core.errors import InputError
-from ...diagnosis.diagnosis import MODEL_WORDS, NAMING, Diagnosis, RankedHypothesis
+from ...diagnosis.diagnosis import MODEL_WORDS, NAMING, Diagnosis, RankedHypothesis, models_shown
 from ...diagnosis.gap_attribution import Location
 from ...diagnosis.regimes import Regime
 from ...diagnosis.unknown_inputs import UNITS
 from ...physics.effects import PLACES
-from ..outcome import after_model, models_shown, outcome
+from ..outcome import after_model, outcome
 from ..signals import BALANCES, signal_display, unit_of_balance
 from ..style import BLACK, BLUE, GREEN, PURPLE, SKY, VERMILION
 from ..text import number, percent, unit

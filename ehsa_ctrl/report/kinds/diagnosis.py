@@ -8,12 +8,12 @@ from typing import Any
 
 from ...core.files import read_json
 from ...core.text import join_words, stems, unique_names
-from ...diagnosis.diagnosis import MODEL_WORDS
+from ...diagnosis.diagnosis import MODEL_WORDS, models_shown
 from ...physics.effects import PLACES
 from ...plant.file import label
 from ..chart import RegimeCurve
 from ..closed_loop import closed_loop_section, closed_loop_sentences, replay_section
-from ..outcome import OUTCOMES, after_model, after_words, models_shown, outcome
+from ..outcome import OUTCOMES, after_model, after_words, outcome
 from ..page import DOUBT, Facts, Kind, Page, Paragraph, Picture, Points, Section, Sentence, State, Table
 from ..signals import BALANCES, channel_display, signal_display
 from ..text import NOTHING, as_sentence, percent, quantity, unit, value_text
