@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ..core.parameter import Parameter
 from ..physics.effects import EFFECTS, CandidateEffect, EffectParameter, with_extended
 from ..plant.plant import SENSOR_WORDS, Plant
@@ -51,13 +53,15 @@ def improved_plant(
     given = {n: p.value for n, p in added.items()} | {n: v for n, v in found.items() if n in known}
     changed = plant.with_structure(structure, **given)
     parameters = dict(changed.parameters)
+    # Of a number of which the logs show nothing, a file has no deviation.
+    known_sd = {name: one if np.isfinite(one) else None for name, one in deviations.items()}
     for name in given:
         if name in found:
-            note = "cause found by a diagnosis" if name in deviations else "refitted by a diagnosis"
-            parameters[name] = replace(parameters[name], source="identified", sd=deviations.get(name), note=note)
+            note = "cause found by a diagnosis" if name in known_sd else "refitted by a diagnosis"
+            parameters[name] = replace(parameters[name], source="identified", sd=known_sd.get(name), note=note)
         else:
             parameters[name] = replace(parameters[name], source=added[name].source, note=added[name].note)
-    return replace(changed, parameters=parameters, sensors=_sensors(changed, values, sd))
+    return replace(changed, parameters=parameters, sensors=_sensors(changed, values, known_sd))
 
 
 def _default_parameter(effect: str, parameter: EffectParameter) -> Parameter:
@@ -68,7 +72,7 @@ def _default_parameter(effect: str, parameter: EffectParameter) -> Parameter:
     return Parameter(parameter.name, parameter.neutral, parameter.unit, source, note=note)
 
 
-def _sensors(plant: Plant, values: Setting, sd: Mapping[str, float]) -> dict[str, Any]:
+def _sensors(plant: Plant, values: Setting, sd: Mapping[str, float | None]) -> dict[str, Any]:
     """The plant's sensors with the estimated errors; delays and filters add to the nominal ones."""
     sensors = dict(plant.sensors)
     for name, value in values.items():

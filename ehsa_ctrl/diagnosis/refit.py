@@ -17,6 +17,9 @@ from .records import Segment
 MOST_ROUNDS, MOST_STEPS = 6, 20
 #: A step is tried so many times, each time shorter.
 TRIALS = 4
+#: An eigenvalue of a correlation matrix that counts as zero, and the share that a parameter has in such directions, as
+#: a square, from which it is unknown. Rounding errors are below both.
+NULL, UNKNOWN = 1e-12, 1e-6
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,20 @@ class HypothesisFit:
 def covariance_of(information: np.ndarray) -> np.ndarray:
     """Covariance (k, k) by an information matrix (k, k), which may be singular."""
     return np.asarray(np.linalg.pinv(information, rcond=1e-12, hermitian=True))
+
+
+def deviations_of(information: np.ndarray) -> np.ndarray:
+    """Standard deviations (k,) by an information matrix (k, k): infinite for what it knows nothing of."""
+    found = np.full(len(information), np.inf)
+    # Of numbers that the data tell one at a time, in units of these deviations: the scales of the numbers don't matter.
+    told = np.flatnonzero(np.diag(information) > 0.0)
+    alone = 1.0 / np.sqrt(np.diag(information)[told])
+    values, vectors = np.linalg.eigh(information[np.ix_(told, told)] * np.outer(alone, alone))
+    known = values > NULL
+    together = np.sum(vectors[:, ~known] ** 2, axis=1) < UNKNOWN
+    variances = vectors[:, known] ** 2 @ (1.0 / values[known])
+    found[told[together]] = (alone * np.sqrt(variances))[together]
+    return found
 
 
 class _HypothesisProblem:

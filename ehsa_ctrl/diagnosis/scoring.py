@@ -21,7 +21,7 @@ from .hypothesis_search import Hypotheses, Task, distinct_tasks
 from .local_search import neighbours
 from .objective import Objective
 from .records import Record, Runs, Segment, mean_square_root
-from .refit import HypothesisFit, covariance_of
+from .refit import HypothesisFit, deviations_of
 from .signals import largest, signal_noise
 
 # The constants without another reason are engineering judgement, chosen with the tuning seeds of the independent bench.
@@ -175,10 +175,8 @@ class Scoring:
         typical = dict(zip(nominal.names, nominal.typical, strict=True))
         for i, f in enumerate(fit.free[fit.n_effect :], fit.n_effect):
             information[i, i] += (f.scale / typical[f.name]) ** 2 - 1.0
-        covariance = covariance_of(information)
-        return {
-            f.name: float(np.sqrt(max(covariance[i, i], 0.0))) * f.scale for i, f in enumerate(fit.free[: fit.n_effect])
-        }
+        pairs = zip(fit.free[: fit.n_effect], deviations_of(information), strict=False)
+        return {f.name: float(deviation) * f.scale for f, deviation in pairs}
 
     def score(self, fit: HypothesisFit) -> ScoredHypothesis:
         """Score a hypothesis: simulate it on both segments, and without each of its effects."""

@@ -19,7 +19,7 @@ import numpy as np
 from ..plant.arrays import needed_to_simulate
 from .model_selection import Selection
 from .objective import TEMPER, NominalParameters, Objective
-from .refit import HypothesisFit, covariance_of, refit_until_converged
+from .refit import HypothesisFit, covariance_of, deviations_of, refit_until_converged
 from .scoring import Scoring
 
 #: Time constant of a filter in a typical logger, in samples. Engineering judgement.
@@ -62,7 +62,10 @@ def of_causes(selection: Selection, scoring: Scoring, sd: Mapping[str, float]) -
 
 
 def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, dict[str, float]]:
-    """Refit from a hypothesis' values until the cost no longer falls; standard deviation of each free parameter."""
+    """Refit from a hypothesis' values until the cost no longer falls; standard deviation of each free parameter.
+
+    It is infinite for a number of which the runs show nothing.
+    """
     random = np.random.default_rng(0)
     fit = refit_until_converged(objective, fit.candidates, fit.values) or fit
     for restart in range(RESTARTS + 1):
@@ -90,7 +93,7 @@ def fit_sizes(objective: Objective, fit: HypothesisFit) -> tuple[HypothesisFit, 
         fit = refit_until_converged(objective, fit.candidates, settings[best]) or replace(fit, values=settings[best])
     known = np.isfinite(costs)
     scatter = float(np.median(np.abs(costs - predicted)[known])) / MEDIAN / objective.level if known.any() else 0.0
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0) * (1.0 + scatter)) * scale
+    sd = deviations_of(information) * np.sqrt(1.0 + scatter) * scale
     return fit, {f.name: float(v) for f, v in zip(fit.free, sd, strict=True) if not f.fixed}
 
 

@@ -158,7 +158,7 @@ def numbers_of(refitted, sd, moved):
         ({"c_width_1": 0.2}, {}, {"c_at_1": 0.0, "c_width_1": 0.002}, []),
         ({"c_at_1": 2.5}, {}, {"c_at_1": 0.2, "c_width_1": 0.0}, ["the size changes: c_at_1 is 2.5"]),
         ({"c_1": 0.9}, {}, {"c_at_1": 0.0, "c_width_1": 0.0}, ["the size changes: c_1 is 0.9"]),
-        ({}, {"c_1": 0.0}, {"c_at_1": 0.0, "c_width_1": 0.0}, ["c_1 can't be determined"]),
+        ({}, {"c_1": np.inf}, {"c_at_1": 0.0, "c_width_1": 0.0}, ["c_1 can't be determined"]),
     ],
 )
 def test_what_counts_as_a_change(refitted, sd, moved, refused):

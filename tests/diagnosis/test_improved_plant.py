@@ -1,5 +1,7 @@
 """The corrected plant says of each number where it comes from: only what was fitted is called identified."""
 
+import math
+
 import pytest
 
 import ehsa_ctrl
@@ -93,3 +95,14 @@ def test_a_law_that_was_just_found_is_in_the_plant(plant):
     improved = improved_plant(plant, (law_candidate(effect, plant.values),), {"c_x": 3e5}, {"c_x": 1e4})
 
     assert improved.structure.effects == ("cubic_drag",) and improved["c_x"] == 3e5
+
+
+def test_a_number_of_which_the_logs_show_nothing_has_no_deviation(plant, tmp_path):
+    """The file can be read again."""
+    values = {"P_open": -1e4, "bias.speed": 0.1}
+    better = improved_plant(plant, candidate("anti_cavitation"), values, {"P_open": math.inf, "bias.speed": math.inf})
+    again = ehsa_ctrl.load_plant(ehsa_ctrl.write_plant(tmp_path / "better.toml", better))
+
+    for each in (better, again):
+        assert each.parameters["P_open"].sd is None and each.parameters["P_open"].source == "identified"
+        assert each.sensors["speed"].bias == 0.1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.diagnosis.objective import TEMPER
-from ehsa_ctrl.diagnosis.refit import refine, refit, refit_until_converged
+from ehsa_ctrl.diagnosis.refit import deviations_of, refine, refit, refit_until_converged
 from ehsa_ctrl.physics.effects import FreeNumber
 
 
@@ -83,3 +83,25 @@ def test_a_converging_fit_keeps_its_jacobian_while_that_pays(k):
         fit = refine(by_three, fit, 3)
 
     assert min(paying.costs) < 0.2 * min(by_three.costs[: len(paying.costs)])
+
+
+def test_deviations_are_those_of_the_inverse():
+    """Whatever the scales of the numbers."""
+    scales = 10.0 ** np.arange(-6, 6, 3)
+    J = np.random.default_rng(0).normal(size=(50, 4)) * scales
+
+    expected = np.sqrt(np.diag(np.linalg.inv(J.T @ J / np.outer(scales, scales)))) / scales
+    np.testing.assert_allclose(deviations_of(J.T @ J), expected, rtol=1e-9)
+
+
+def test_what_the_data_show_nothing_of_has_an_infinite_deviation():
+    """A column of zeros, and two that act alike, beside one of another size."""
+    J = np.zeros((50, 4))
+    J[:, :2] = np.random.default_rng(0).normal(size=(50, 2)) * [1.0, 1e5]
+    J[:, 3] = -3.0 * J[:, 0]
+
+    found = deviations_of(J.T @ J)
+
+    assert np.isinf(found[[0, 2, 3]]).all()
+    other = J[:, 1] - J[:, 0] * (J[:, 0] @ J[:, 1]) / (J[:, 0] @ J[:, 0])
+    assert found[1] == pytest.approx(1.0 / np.linalg.norm(other))

@@ -214,8 +214,7 @@ class _Test:
         """Each number of the law in the file and refitted."""
         found = {}
         for name, one in self.law.parameters.items():
-            # A number of which the runs show nothing has no information, and no deviation.
-            before, after, sd = one.sd or 0.0, self.refitted[name], self.sd.get(name) or float("inf")
+            before, after, sd = one.sd or 0.0, self.refitted[name], self.sd.get(name, float("inf"))
             apart = abs(after - one.value) > INTERVAL * (before + sd)
             if name in self.moved:
                 # The width of a step may be any small one: what counts is what the law does.
