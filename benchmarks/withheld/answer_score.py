@@ -179,11 +179,15 @@ def _size_right(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> bool:
 
 
 def _in_interval(effect: Mapping[str, Any], answered: Mapping[str, Any]) -> list[bool]:
-    """Whether value +- 1.96 sd holds the truth, for each common parameter; without an sd the interval is a point."""
+    """Whether value +- 1.96 sd holds the truth, for each common parameter that the answer determines.
+
+    An sd that is null is infinite: such an interval holds anything, and does not count.
+    """
     out = []
     for name in sorted(_common_sizes(effect, answered)):
         true, got = float(effect["parameters"][name]), answered["parameters"][name]
-        out.append(abs(float(got["value"]) - true) <= HALF_INTERVAL * float(got["sd"] or 0.0))
+        if got["sd"] is not None:
+            out.append(abs(float(got["value"]) - true) <= HALF_INTERVAL * float(got["sd"]))
     return out
 
 

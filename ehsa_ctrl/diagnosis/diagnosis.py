@@ -338,7 +338,10 @@ class Diagnosis(Result):
             )
         for cause in self.effects:
             numbers = ", ".join(
-                f"{label(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in cause.parameters.items()
+                f"{label(n)} = {p.value:.4g} {p.unit}, not determined by {the_data(self)}"
+                if np.isinf(p.sd)
+                else f"{label(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}"
+                for n, p in cause.parameters.items()
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")
             if cause.ambiguous_with:

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from ..core.parameter import Parameter
 from ..physics.effects import EFFECTS, CandidateEffect, EffectParameter, with_extended
 from ..plant.plant import SENSOR_WORDS, Plant
 from .hypothesis_model import Setting, absent_friction, law_switches
+from .refit import stated_sd
 
 
 def improved_plant(
@@ -53,8 +52,7 @@ def improved_plant(
     given = {n: p.value for n, p in added.items()} | {n: v for n, v in found.items() if n in known}
     changed = plant.with_structure(structure, **given)
     parameters = dict(changed.parameters)
-    # Of a number of which the logs show nothing, a file has no deviation.
-    known_sd = {name: one if np.isfinite(one) else None for name, one in deviations.items()}
+    known_sd = {name: stated_sd(one) for name, one in deviations.items()}
     for name in given:
         if name in found:
             note = "cause found by a diagnosis" if name in known_sd else "refitted by a diagnosis"

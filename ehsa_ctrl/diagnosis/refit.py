@@ -22,6 +22,11 @@ TRIALS = 4
 NULL, UNKNOWN = 1e-12, 1e-6
 
 
+def stated_sd(sd: float) -> float | None:
+    """A standard deviation as a file states it: None if it is infinite, see `deviations_of`."""
+    return sd if np.isfinite(sd) else None
+
+
 @dataclass(frozen=True)
 class HypothesisFit:
     """A hypothesis at its optimum.

@@ -155,8 +155,8 @@ def advice(
             "inspect the balance in which the gap lies and the curve found there; check with logs at another load and "
             "temperature whether the curve stays the same"
             if has_curve
-            else "log the rig at another load and temperature, with every channel that it has: what is left depends on "
-            "no variable of this log by a clear curve"
+            else "log the rig at another load and temperature, with every channel that it has: no curve over a "
+            "variable of this log was found that closes much of what is left"
         )
         law = (
             "log the rig at another load or with another waveform, and confirm the law with that log by "

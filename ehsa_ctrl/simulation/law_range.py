@@ -46,7 +46,7 @@ def extrapolations(
     efforts = {effort for contact in system.all_contacts for effort in contact.efforts}
     wanted = sorted(efforts.intersection(variable for _, variable, _ in ranges).difference(extremes))
     found = array_evaluator(plant.structure.equations, wanted)({**plant.values, **sampled}) if wanted else {}
-    reached = {**{name: (float(np.min(one)), float(np.max(one))) for name, one in found.items()}, **extremes}
+    reached = {**{name: (float(np.nanmin(one)), float(np.nanmax(one))) for name, one in found.items()}, **extremes}
     for effect, variable, (low, high) in ranges:
         margin = BEYOND * (high - low)
         lowest, highest = reached.get(variable, (low, high))

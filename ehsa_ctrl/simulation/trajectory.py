@@ -123,7 +123,8 @@ class Trajectory(Result):
         structure = self.plant.structure
         names = [state.name for state in structure.equations.states]
         extremes = {name: (float(a), float(b)) for name, a, b in zip(names, *self.extremes, strict=True)}
-        extremes |= {name: (float(np.min(one)), float(np.max(one))) for name, one in self._inputs.items()}
+        # A controller that fails may end a run with an input that is no number.
+        extremes |= {n: (float(np.nanmin(one)), float(np.nanmax(one))) for n, one in self._inputs.items()}
         directions = [contact.direction for contact in structure.system.contacts]
         sampled = {**dict(zip(names, self.states.T, strict=True)), **dict(zip(directions, self.modes.T, strict=True))}
         return tuple(extrapolations(self.plant, extremes, {**sampled, **self._inputs}))

@@ -164,6 +164,9 @@ def test_intervals_of_sizes_hold_the_truth_or_do_not():
 
     assert sorted(row.in_interval) == [False, True]
     assert figure([row], "Gap closed on held-out data", "95 % intervals of sizes").value == 0.5
+    # null: a number that the log does not determine, whose interval holds anything.
+    answer["effects"][0]["parameters"]["C_FR"]["sd"] = None
+    assert score(answer).in_interval == (True,)
 
 
 def figure(rows, heading, label):

@@ -20,7 +20,7 @@ from ehsa_ctrl.diagnosis.diagnosis import Cause
 from ehsa_ctrl.diagnosis.law.confirm import _alike, _ranges, _Test
 from ehsa_ctrl.diagnosis.law.confirmation import Confirmation, SeenRange
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs
-from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
+from ehsa_ctrl.physics.effects import EFFECTS, LawFile, LawLog, effect_of
 
 FILE = """\
 # Found on the day of the acceptance test.
@@ -167,6 +167,17 @@ def test_what_counts_as_a_change(refitted, sd, moved, refused):
 
     assert len(found) == len(refused)
     assert all(words in one for one, words in zip(found, refused, strict=True))
+
+
+@pytest.mark.parametrize(("found", "refused"), [(True, False), (False, True)])
+def test_a_number_that_its_log_did_not_determine_may_differ(found, refused):
+    """A diagnosis leaves out the deviation; a number written by hand, without a log, holds."""
+    test = numbers_of({"c_at_1": 2.5}, {}, {"c_at_1": 0.2, "c_width_1": 0.0})
+    at = test.law.parameters["c_at_1"].model_copy(update={"sd": None})
+    logs = [LawLog(path="log.csv", sha256="0" * 64)] if found else []
+    law = test.law.model_copy(update={"parameters": {**test.law.parameters, "c_at_1": at}, "logs": logs})
+
+    assert bool(replace(test, law=law).refusals) == refused
 
 
 def test_a_run_that_stops_is_no_share():

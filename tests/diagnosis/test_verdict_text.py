@@ -7,8 +7,10 @@ import pytest
 
 from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.log import Log
-from ehsa_ctrl.diagnosis.diagnosis import Cause, CauseParameter, Diagnosis, LogGap
+from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
+from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, CauseParameter, Diagnosis, LogGap
 from ehsa_ctrl.diagnosis.verdict_text import advice, with_alternatives
+from ehsa_ctrl.report.kinds._diagnosis_causes import parameter_rows
 
 
 def found(verdict, held, whole, after=0.0):
@@ -35,13 +37,43 @@ def test_a_gap_in_the_headline_is_that_of_the_table(verdict):
     assert "place of the gap, over the whole log: flow 100 %" in text
 
 
-@pytest.mark.parametrize("verdict", ["effect", "partly", "no_gap", "outside_catalogue"])
-def test_the_table_has_the_models_that_a_verdict_speaks_of(verdict):
-    """Without a cause there is no model with it, and without a gap nothing is refitted."""
-    lines = str(found(verdict, 0.147, 0.161)).splitlines()
+@pytest.mark.parametrize(
+    ("verdict", "models"),
+    [
+        ("effect", ["nominal", "refit", "with_effects", "upper_bound"]),
+        ("partly", ["nominal", "refit", "with_effects", "upper_bound"]),
+        ("outside_catalogue", ["nominal", "refit", "upper_bound"]),
+        ("no_gap", ["nominal"]),
+    ],
+)
+def test_the_text_has_the_models_that_a_verdict_uses(verdict, models):
+    """Without a cause there is no model with it, and without a gap nothing is refitted: also of each of several logs,
+    and in closed loop."""
+    one = found(verdict, 0.147, 0.161)
+    gap = {model: {"speed": 0.1, "total": 0.1} for model in MODELS}
+    errors = dict.fromkeys(MODELS, 1e-3)
+    t = np.array([0.0, 0.004])
+    loop = ClosedLoopReplay("pid", 0, gap, gap, {"speed": 0.1, "total": 0.1}, errors, errors, 1e-3, 0.0, t, {}, {})
+    log = Log(t, {"current": np.zeros(2)}, label="rest.csv")
+    text = str(replace(one, gap=gap, closed_loop=loop, logs=(LogGap(log, gap, one.whole, {}, "", (), {}),)))
+    words = [MODELS[model] for model in models]
+    left_out = [MODELS[model] for model in MODELS if model not in models]
 
-    assert any(line.startswith("  nominal plant") for line in lines)
-    assert any(line.startswith("  with the causes") for line in lines) == (verdict in ("effect", "partly"))
+    assert [line[2:30].strip() for line in text.splitlines() if line[2:30].strip() in MODELS.values()] == 2 * words
+    for begin in ("  rest.csv: total gap ", "  position error with pid (RMS): ", "  gap of the drive: "):
+        (line,) = [line for line in text.splitlines() if line.startswith(begin)]
+        assert all(each in line for each in words) and not any(each in line for each in left_out)
+
+
+def test_a_number_that_the_log_does_not_determine_is_said_to_be_one():
+    """In the text and on the page, in the place of an infinite deviation."""
+    numbers = {"K_L": CauseParameter(8e-13, np.inf, "m3/(Pa s)"), "M": CauseParameter(90.0, 2.0, "kg")}
+    one = found("effect", 0.147, 0.161)
+    text = str(replace(one, effects=(replace(one.effects[0], parameters=numbers),)))
+    rows = parameter_rows({"parameters": {"K_L": {"value": 8e-13, "sd": None, "unit": "m3/(Pa s)"}}})
+
+    assert "K_L = 8e-13 m3/(Pa s), not determined by this log, M = 90 +- 2 kg" in text
+    assert "(not determined)" in rows[0][1] and "±" not in rows[0][1]
 
 
 def test_no_gap_is_said_of_the_whole_log():
@@ -102,8 +134,8 @@ def test_a_proposed_law_is_to_be_confirmed():
     for verdict in ("effect", "partly", "outside_catalogue"):
         assert "effects confirm" in advice(verdict, (), system, (), has_law=True)
     assert "the curve found there" in advice("outside_catalogue", (), system, (), has_curve=True)
-    assert "no variable of this log" not in advice("partly", (), system, (), has_curve=True)
-    assert "no variable of this log" in advice("outside_catalogue", (), system, ())
+    assert "no curve over" not in advice("partly", (), system, (), has_curve=True)
+    assert "no curve over" in advice("outside_catalogue", (), system, ())
     assert advice("effect", (), system, ()) is None
 
 

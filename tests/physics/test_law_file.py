@@ -1,6 +1,7 @@
 """Effects from TOML files: the same plant as a Python effect with this equation, exact at neutral, clear errors."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -294,3 +295,13 @@ def test_a_run_beyond_the_effort_of_a_law(write, widest, beyond):
     for one in run.extrapolated:
         assert one.variable == "T_L"
         np.testing.assert_allclose(one.reached, (gravity.min(), gravity.max()), rtol=1e-12)
+
+
+def test_a_run_that_ends_with_no_number_still_left_the_range(write, plant):
+    """A controller may fail: its last output is in the run."""
+    text = DRAG.replace("omega = [-200.0, 200.0]", "current = [-0.5, 0.5]").replace("omega * abs(omega)", "current")
+    write(text.replace('"N m s2"', '"N m/A"'))
+    run = e.simulate(plant.with_effects("own_law", k_own=1e-6), np.full(20, 2.0))
+    run = replace(run, current=np.append(run.current[:-1], np.nan))
+
+    assert [one.variable for one in run.extrapolated] == ["current"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -139,8 +140,8 @@ class Confirmation(Result):
             lines.append(f"  held-out data: {self.held_out}")
         for name, one in self.parameters.items():
             before = f"{one.proposed:.4g}" + (f" +- {one.proposed_sd:.2g}" if one.proposed_sd is not None else "")
-            word = "agrees" if one.overlaps else "differs"
-            lines.append(f"  {name}: {before} proposed, {one.value:.4g} +- {one.sd:.2g} {one.unit} here, {word}")
+            here = f"{one.value:.4g} +- {one.sd:.2g} {one.unit} here, {'agrees' if one.overlaps else 'differs'}"
+            lines.append(f"  {name}: {before} proposed, {here if isfinite(one.sd) else 'not determined here'}")
         for name, pair in self.range.items():
             before = "not stated" if pair.proposed is None else f"{pair.proposed[0]:.4g} to {pair.proposed[1]:.4g}"
             more = f", {100.0 * pair.beyond:.0f} % wider together" if pair.beyond > 0.005 else ""

@@ -15,7 +15,7 @@ from ..hypothesis_model import HypothesisModel, Setting
 from ..objective import Objective
 from ..pool import Pool
 from ..records import Segment
-from ..refit import HypothesisFit, refit
+from ..refit import HypothesisFit, refit, stated_sd
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
 from .grammar import Term
@@ -226,7 +226,7 @@ def refit_laws(
 
 def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd: Mapping[str, float]) -> LawFile:
     """The definition with the values of a fit."""
-    changed = {n: {"value": fit.values[n], "sd": sd[n] if np.isfinite(sd[n]) else None} for n in candidate.names}
+    changed = {n: {"value": fit.values[n], "sd": stated_sd(sd[n])} for n in candidate.names}
     own = {n: one.model_copy(update=changed[n]) for n, one in file.parameters.items()}
     return file.model_copy(update={"parameters": own})
 

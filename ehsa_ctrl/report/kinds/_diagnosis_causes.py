@@ -68,5 +68,7 @@ def parameter_rows(cause: Content) -> list[list[str]]:
         nominal = number.get("nominal")
         words = "absent" if nominal is None and "nominal" in number else value_text(nominal, scale)
         value = uncertain(number["value"] / scale, sd / scale)
+        if number["sd"] is None:
+            value += " (not determined)"
         rows.append([label(number.get("name", name)), value, words, unit(usual), number.get("meaning", "")])
     return rows
