@@ -272,9 +272,9 @@ class Diagnosis(Result):
             **({"closed_loop": loop.gap, "closed_loop_replay": loop} if (loop := self.closed_loop) else {}),
         )  # fmt: skip
 
-    def _shown(self, gaps: Mapping[str, Mapping[str, float]]) -> dict[str, Mapping[str, float]]:
-        """The gaps of those models that the verdict makes meaningful."""
-        return {model: gaps[model] for model in models_shown(self.verdict, gaps)}
+    def _shown(self, figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Of figures by model those that the verdict makes meaningful."""
+        return {model: figures[model] for model in models_shown(self.verdict, figures)}
 
     def _described(self, cause: Cause) -> dict[str, Any]:
         """A cause with its text in the catalogue, and the nominal value and meaning of its parameters."""
@@ -325,11 +325,10 @@ class Diagnosis(Result):
         if self.closed_loop is not None:
             loop = self.closed_loop
             lines += _gap_table("in closed loop (%)", {**self._shown(loop.gap), "sensor noise alone": loop.floor})
-            errors = models_shown(self.verdict, loop.position_error)
-            rows = [f"{MODEL_WORDS[model]} {1e3 * loop.position_error[model]:.3g} mm" for model in errors]
+            errors, drives = self._shown(loop.position_error), self._shown(loop.drive_gap)
+            rows = [f"{MODEL_WORDS[model]} {1e3 * value:.3g} mm" for model, value in errors.items()]
             lines.append(f"  position error with {loop.controller} (RMS): {', '.join(rows)}")
-            drives = models_shown(self.verdict, loop.drive_gap)
-            rows = [f"{MODEL_WORDS[model]} {100.0 * loop.drive_gap[model]:.2f} %" for model in drives]
+            rows = [f"{MODEL_WORDS[model]} {100.0 * value:.2f} %" for model, value in drives.items()]
             lines.append(f"  gap of the drive: {', '.join(rows)}")
         if self.where:
             lines.append(

@@ -77,5 +77,9 @@ def quantity_in(value: float, unit_shown: str, unit_si: str) -> str:
 
 
 def as_sentence(words: str) -> str:
-    """Text with an initial capital and a final full stop; the rest is unchanged."""
-    return f"{words[:1].upper()}{words[1:].rstrip('.')}."
+    """Text with an initial capital and a final full stop; the rest is unchanged.
+
+    A parameter that it begins with keeps its symbol ("kappa = 3 lies ...").
+    """
+    first = words[:1] if re.match(r"\w+ = ", words) else words[:1].upper()
+    return f"{first}{words[1:].rstrip('.')}."

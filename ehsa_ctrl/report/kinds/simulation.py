@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..page import DOUBT, Kind, Page, Picture, Section, Sentence
-from ..text import value_text
+from ..text import as_sentence, value_text
 from ._charts import charted, simulation_chart
 from ._tables import settings_of
 
@@ -27,8 +26,7 @@ def _read(content: Mapping[str, Any], folder: Path) -> Page:
     sentences += [(f"Plant limit exceeded: {words}.", DOUBT) for words in passed]
     if not passed:
         sentences.append(("No plant limit was exceeded.", True))
-    # One may begin with the symbol of a parameter, which has no capital.
-    sentences += [(f"{re.sub('^the ', 'The ', words)}.", DOUBT) for words in content.get("warnings", [])]
+    sentences += [(as_sentence(words), DOUBT) for words in content.get("warnings", [])]
     # The linear model has no dry friction.
     caption = "Grey bars: shaft or rod sticks." if content.get("model") != "linear" else ""
     drift = content["pressure_level_drift"]
