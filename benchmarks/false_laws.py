@@ -95,7 +95,10 @@ class Search:
 
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
-        found = find_law([self.base.fit], lambda _: self.base, self.scoring, Reference.of(self.scoring), self.pool)
+        reference = Reference.of(self.scoring)
+        found = find_law(
+            [self.base.fit], lambda _: self.base, self.scoring, reference, self.pool, self.scoring.training
+        )
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:
@@ -103,7 +106,8 @@ class Search:
         scoring, fit = with_typical_priors(self.scoring), self.base.fit
         found = [sums_and_placebo(one.grammar, one.windows, one.nuisance) for one in inputs]
         sums = [law for laws, share in found for law in (laws if any_law else beyond_chance(laws, share))]
-        laws = refit_laws(promising(sums, scoring, fit, MOST, np.inf, self.pool), scoring, fit, self.pool)
+        chosen = promising(sums, scoring, fit, MOST, np.inf, self.pool, scoring.training)
+        laws = refit_laws(chosen, scoring, fit, self.pool)
         stable = [law for law in laws if law.stable]
         if not stable:
             return Refitted("", 0.0, accepted=False)

@@ -22,9 +22,9 @@ MIN_PROBABILITY = 0.02
 #: Hypotheses whose effects are listed as near to what stays unexplained.
 NEAREST = 3
 #: Logistic regression of whether a listed cause is right, on 210 listed causes of tuning seeds of the bench:
-#: constant, logarithm of its own gap, verdict `partly`, logarithm of the gap that is left. Gaps are in thresholds and
-#: within SMALLEST and LARGEST, their range there.
-RELIABILITY, SMALLEST, LARGEST = (-0.55, 1.23, -2.36, -1.36), 0.05, 20.0
+#: constant, logarithm of its own gap, logarithm of the gap that is left. Gaps are in thresholds and within SMALLEST and
+#: LARGEST, their range there. Whether the verdict is `partly` tells no more: it is where much is left.
+RELIABILITY, SMALLEST, LARGEST = (-0.55, 1.23, -1.36), 0.05, 20.0
 #: The Shapley value is exact for so many causes, and the mean over so many random orders for more.
 MAX_EXACT, ORDERS = 5, 40
 
@@ -60,7 +60,6 @@ def build_causes(
                 probability=reliability(
                     largest(chosen.own_gaps[key]) / scoring.threshold,
                     final / scoring.threshold,
-                    partly=selection.verdict == "partly",
                 ),
                 parameters=_parameters(key, chosen, scoring, sd),
                 ambiguous_with=tuple(dict.fromkeys([*equivalent, *others])),
@@ -76,19 +75,19 @@ def build_causes(
     return tuple(found)
 
 
-def reliability(size: float, left: float, *, partly: bool) -> float:
+def reliability(size: float, left: float) -> float:
     """Probability that a claimed cause, or one that could replace it, is present.
 
     How often a claimed cause of such a size is right where the model leaves so much comes from logs whose truth is
     known, see RELIABILITY. The share of the cause among the hypotheses says nothing beyond it (its coefficient in the
     same regression is 0.05): the hypotheses know nothing of effects that they lack. size: gap that the cause makes.
-    left: gap in total that the model leaves. Both in thresholds. partly: the verdict is `partly`.
+    left: gap in total that the model leaves. Both in thresholds.
     """
-    constant, by_size, by_partly, by_left = RELIABILITY
+    constant, by_size, by_left = RELIABILITY
     # Beyond the range of those logs, what is left counts relative to the cause.
     beyond = max(size / LARGEST, 1.0)
     size, left = np.clip([size / beyond, left / beyond], SMALLEST, LARGEST)
-    logit = constant + by_size * np.log(size) + by_left * np.log(left) + by_partly * partly
+    logit = constant + by_size * np.log(size) + by_left * np.log(left)
     return float(1.0 / (1.0 + np.exp(-logit)))
 
 

@@ -62,7 +62,6 @@ from .second_search import search_from_selection
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
 from .sizes import of_causes, with_sizes
-from .stretch import search_segment
 from .together import joint_location
 from .validation_segment import windows_of
 from .verdict_text import advice, name_of
@@ -151,7 +150,7 @@ def _diagnose_gap(
     lumped = lacks_dry_friction(prepared.model.plant)
     pool = Pool(watch)
     plants = [one.plant for one in prepared.logs]
-    searched = search_segment(plants, segments.training)
+    searched = segments.searched
     all_data = searched is segments.training
     shares = SHARES if all_data else SHARES_OF_STRETCH
     pool.progress.begin(shares[0])
@@ -407,7 +406,7 @@ def _law(
         return LawBase(logs, fit)
 
     fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.has_causes else [])]
-    law = find_law(fits, base_of, scoring, reference, hypotheses.pool)
+    law = find_law(fits, base_of, scoring, reference, hypotheses.pool, segments.searched)
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)

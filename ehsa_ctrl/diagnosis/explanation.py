@@ -85,10 +85,12 @@ def explain(
     # What is closed of a gap that the best possible model may leave too is chance.
     above = [gap > floor.get("total", 0.0) for gap, floor in zip(reference.nominal_gaps, reference.floors, strict=True)]
     enough = all(share >= PART for share, counts in zip(shares, above, strict=True) if counts)
-    if left < limit and enough and not (curve is not None and curve.better):
+    little = left < limit and enough and not (curve is not None and curve.better)
+    # Many sets close a gap that is no larger than the floor: whether one of them acts is seen in the deviance alone.
+    if little and (all(above) or not reference.leaves_much(selection.chosen)):
         return Explanation(selection.verdict, left, curve)
     named = selection.verdict in ("effect", "ambiguous")
-    partly = simple and named and closed >= PART
+    partly = simple and named and closed >= PART and not little
     return Explanation("partly" if partly else "outside_catalogue", left, curve)
 
 

@@ -27,6 +27,7 @@ from .records import Record, Segment, mean_square_root
 from .refit import HypothesisFit
 from .signals import largest, noise_of, slow_channels
 from .split import NO_GAP, Split, choose_split
+from .stretch import search_segment
 from .together import check_other, check_together
 from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
 
@@ -82,18 +83,20 @@ class PreparedLogs:
 class Segments:
     """The whole logs, the part for fitting, and the part held out for validation.
 
-    splits: of each log; None with a second log for validation.
+    searched: the part for fitting, or a stretch of it if it is long, see `search_segment`. splits: of each log; None
+    with a second log for validation.
     """
 
     whole: Segment
     training: Segment
     held_out: Segment
+    searched: Segment
     splits: tuple[Split, ...] | None
 
     def each(self, change: Callable[[Segment], Segment]) -> Segments:
         """The same segments, changed one by one."""
-        whole, training, held_out = map(change, (self.whole, self.training, self.held_out))
-        return Segments(whole, training, held_out, self.splits)
+        whole, training, held_out, searched = map(change, (self.whole, self.training, self.held_out, self.searched))
+        return Segments(whole, training, held_out, searched, self.splits)
 
 
 def prepare_logs(
@@ -207,9 +210,14 @@ def split_logs(prepared: PreparedLogs, whole: Segment, *, has_gap: bool) -> Segm
     has_gap: whether the nominal model has a gap, so that the parts of a single log should have it too.
     """
     logs, validation = prepared.logs, prepared.validation
+
+    def segments(fitted: Sequence[Record], held_out: Segment, splits: tuple[Split, ...] | None) -> Segments:
+        training = Segment(tuple(fitted), "the training data")
+        searched = search_segment([one.plant for one in logs], training) if has_gap else training
+        return Segments(whole, training, held_out, searched, splits)
+
     if validation is not None:
-        training = Segment(whole.records, "the training data")
-        return Segments(whole, training, Segment((validation.record,), validation.log.name), None)
+        return segments(whole.records, Segment((validation.record,), validation.log.name), None)
 
     def nominal_gaps(split: Split) -> tuple[float, float]:
         training, held_out = (Segment((logs[0].part(parts),), "") for parts in (split.training, split.held_out))
@@ -217,10 +225,10 @@ def split_logs(prepared: PreparedLogs, whole: Segment, *, has_gap: bool) -> Segm
 
     compare = nominal_gaps if has_gap and len(logs) == 1 else None
     chosen = tuple(choose_split(log.record, prepared.threshold, compare) for log in logs)
-    fitted = tuple(log.part(split.training) for log, split in zip(logs, chosen, strict=True))
+    fitted = [log.part(split.training) for log, split in zip(logs, chosen, strict=True)]
     kept = tuple(log.part(split.held_out) for log, split in zip(logs, chosen, strict=True))
     words = join_words(split.words(log.model.log) for log, split in zip(logs, chosen, strict=True))
-    return Segments(whole, Segment(fitted, "the training data"), Segment(kept, words), chosen)
+    return segments(fitted, Segment(kept, words), chosen)
 
 
 def unmoved_signals(segments: Segments) -> list[str]:

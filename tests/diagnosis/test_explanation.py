@@ -15,11 +15,11 @@ from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 from ehsa_ctrl.diagnosis.signals import estimate_noise
 
 
-def selection(gap, misfit, verdict="effect"):
-    """A selection that leaves a gap of one signal on both segments."""
+def selection(gap, misfit, verdict="effect", deviance=0.0):
+    """A selection that leaves a gap of one signal on both segments, and a deviance, of 1e4 of the nominal model."""
     gaps = {"speed": gap, "total": gap}
     key = ("rod_friction", None)
-    chosen = ScoredHypothesis(SimpleNamespace(), 0.0, {key: gaps}, gaps, gaps, (key,))
+    chosen = ScoredHypothesis(SimpleNamespace(), deviance, {key: gaps}, gaps, gaps, (key,))
     return Selection(verdict, chosen, {}, {key: 1.0}, (chosen,), misfit)
 
 
@@ -27,12 +27,12 @@ def selection(gap, misfit, verdict="effect"):
 def verdict_of(monkeypatch):
     """Function: verdict where the nominal gap is 10 %, and a free curve leaves `curve` of what the causes leave."""
 
-    def run(gap, misfit, curve, floor=0.0, verdict="effect"):
+    def run(gap, misfit, curve, floor=0.0, verdict="effect", deviance=0.0):
         found = FreeCurve("force", (), gap, curve * gap)
         monkeypatch.setattr(explanation, "free_curve", lambda *_: found)
         floors = ({"speed": floor, "total": floor},) * 2
         reference = Reference(0.0, 1e4, 0.1, 0.7, floors, (0.1, 0.1))
-        return explain(selection(gap, misfit, verdict), reference, 0.03, []).verdict
+        return explain(selection(gap, misfit, verdict, deviance), reference, 0.03, []).verdict
 
     return run
 
@@ -76,6 +76,13 @@ def test_causes_that_close_little_do_not_explain_a_gap_near_the_floor(verdict_of
 def test_below_the_floor_it_does_not_matter_what_is_closed(verdict_of):
     """There the noise of the logged input decides, for the truth too; the nominal gap is 10 %."""
     assert verdict_of(0.12, misfit=1.5, curve=0.9, floor=0.125) == "effect"
+
+
+def test_below_the_floor_the_deviance_says_whether_causes_imitate_what_the_catalogue_lacks(verdict_of):
+    """They leave little of such a gap by chance; above the floor they explain it however much deviance they leave."""
+    assert verdict_of(0.05, misfit=1.5, curve=0.9, floor=0.101, deviance=900.0) == "effect"
+    assert verdict_of(0.05, misfit=1.5, curve=0.9, floor=0.101, deviance=1100.0) == "outside_catalogue"
+    assert verdict_of(0.05, misfit=1.5, curve=0.9, floor=0.099, deviance=1100.0) == "effect"
 
 
 def hypothesis(deviance, gaps, left=0.04):

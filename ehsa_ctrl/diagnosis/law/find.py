@@ -14,6 +14,7 @@ from ..model_selection import Reference, Selection, relative_weights
 from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..pool import Pool
+from ..records import Segment
 from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
@@ -36,10 +37,6 @@ MORE = 0.1
 #: laws left 0.05 to 0.7 times that, and one 2.2 times, of a tenth of the threshold. On records of a servo those of a
 #: standstill left 1.3 to 4 times that, and a fifth to three quarters of it once they were refitted.
 FAR, FAR_HELD = 2.0, 8.0
-#: Where causes explain the gap, but leave this share of the nominal deviance above noise, a law may be what they
-#: imitate. On tuning seeds with a rig's errors causes of the catalogue left at most 0.05 of it, those in place of an
-#: effect that it lacks 0.15 or more in 23 of 24 logs.
-IMITATED = 0.1
 #: More causes than FEW may imitate a law however little they leave above noise. It has to be simpler then: each of its
 #: terms takes the place of SIMPLER causes at least. Five causes stood for a leak in one direction, which is one term;
 #: on a measured record three terms leave a third of what the carriage's three published causes do, and replace nothing.
@@ -128,6 +125,7 @@ def find_law(
     scoring: Scoring,
     reference: Reference,
     pool: Pool,
+    screened: Segment,
 ) -> FoundLaw | None:
     """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
 
@@ -138,9 +136,9 @@ def find_law(
     bases = [base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
-    left = min(one.training_gap["total"] for one in without)
+    left = min(screened.gap(one.fit.values)["total"] for one in without)
     pairs = zip(bases, without, strict=True)
-    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool)]
+    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool, screened)]
     tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
     return _select(tried, without[-1], reference)
 
@@ -152,12 +150,7 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
     chosen = selection.chosen
     # No law is ahead by the margin of causes that leave less than that.
     many = len(chosen.causes) > FEW and reference.unexplained(chosen) > reference.margin(chosen)
-    return selection.has_causes and (many or _leaves_much(selection, reference))
-
-
-def _leaves_much(selection: Selection, reference: Reference) -> bool:
-    """Whether the causes leave so much of the deviance that something else has to act."""
-    return reference.unexplained_share(selection.chosen) > IMITATED
+    return selection.has_causes and (many or reference.leaves_much(chosen))
 
 
 def without_imitators(selection: Selection, law: FoundLaw, reference: Reference) -> Selection:
@@ -176,7 +169,7 @@ def without_imitators(selection: Selection, law: FoundLaw, reference: Reference)
     beside = law.without.own_gaps if law.proposed.beside else {}
     causes = tuple(key for key in chosen.causes if key not in left_out and key in beside)
     simpler = len(chosen.causes) - len(causes) >= SIMPLER * law.terms
-    if selection.explains and not simpler and not _leaves_much(selection, reference):
+    if selection.explains and not simpler and not reference.leaves_much(chosen):
         return selection
     if not causes:
         return replace(selection, verdict="outside_catalogue")
@@ -244,10 +237,16 @@ def without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:
 
 
 def _try(
-    base: LawBase, without: ScoredHypothesis, scoring: Scoring, most: int, left: float, pool: Pool
+    base: LawBase,
+    without: ScoredHypothesis,
+    scoring: Scoring,
+    most: int,
+    left: float,
+    pool: Pool,
+    screened: Segment,
 ) -> list[_Tried]:
     """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. left: smallest
-    gap that a hypothesis without a law leaves on the training data.
+    gap that a hypothesis without a law leaves on the data for screening.
     """
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
@@ -256,8 +255,8 @@ def _try(
     held = _with_explained([law for one in inputs for law in one.held], inputs)
     valves = _with_explained([law for one in inputs for law in one.valves], inputs)
     far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
-    chosen = screen_laws(held, scoring, base.fit, pool, far_held)
-    chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool)
+    chosen = screen_laws(held, scoring, base.fit, pool, screened, far_held)
+    chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool, screened)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
@@ -281,10 +280,16 @@ def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
 
 
 def promising(
-    sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, most: int, far: float, pool: Pool
+    sums: Sequence[LawFit],
+    scoring: Scoring,
+    fit: HypothesisFit,
+    most: int,
+    far: float,
+    pool: Pool,
+    screened: Segment,
 ) -> list[LawFit]:
     """The laws that leave least of the gap as they were found, less than `far`, of different inputs and terms."""
-    return _varied(screen_laws(sums, scoring, fit, pool, far))[:most]
+    return _varied(screen_laws(sums, scoring, fit, pool, screened, far))[:most]
 
 
 def _with_explained(laws: Sequence[LawFit], inputs: Sequence[LawInput]) -> list[LawFit]:
