@@ -34,7 +34,7 @@ MOST_LEFT, UNEXPLAINED = 0.5, 0.06
 LOW_FREQUENCY_LEFT, LOW_FREQUENCY_RMS = (0.06, 0.35), (0.8, 1.0)
 #: Causes that leave this share of the nominal deviance above noise may imitate a law that the catalogue lacks. On
 #: tuning seeds with a rig's errors causes of the catalogue left at most 0.05 of it, those in place of an effect that it
-#: lacks 0.15 or more in 23 of 24 logs.
+#: lacks 0.14 or more in 23 of 24 logs.
 IMITATED = 0.1
 #: Number of alternatives to one cause from which on the verdict is "underdetermined".
 TOO_MANY = 4
