@@ -106,8 +106,7 @@ class Search:
         scoring, fit = with_typical_priors(self.scoring), self.base.fit
         found = [sums_and_placebo(one.grammar, one.windows, one.nuisance) for one in inputs]
         sums = [law for laws, share in found for law in (laws if any_law else beyond_chance(laws, share))]
-        chosen = promising(sums, scoring, fit, MOST, np.inf, self.pool, scoring.training)
-        laws = refit_laws(chosen, scoring, fit, self.pool)
+        laws = refit_laws(promising(sums, scoring, fit, MOST, np.inf, self.pool), scoring, fit, self.pool)
         stable = [law for law in laws if law.stable]
         if not stable:
             return Refitted("", 0.0, accepted=False)

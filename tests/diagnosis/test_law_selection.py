@@ -72,13 +72,13 @@ def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_
 
 def test_laws_that_are_far_off_as_found_are_not_refitted(monkeypatch):
     """The smallest gap comes first; a law whose run stops, or that leaves as much as asked or more, is left out. The
-    gap is that on the data that were given, not on all training data."""
+    gap is that of the scoring that is given."""
     gaps = {"near": 0.02, "stops": np.inf, "nearest": 0.01, "far": 0.06}
-    monkeypatch.setattr(free_run, "gap_as_found", lambda law, _scoring, _base, data: {"stretch": gaps}[data][law])
+    monkeypatch.setattr(free_run, "gap_as_found", lambda law, scoring, _base: {"on the stretch": gaps}[scoring][law])
 
-    assert free_run.screen_laws(list(gaps), None, None, Pool(), "stretch", 0.06) == ["nearest", "near"]
-    assert free_run.screen_laws(list(gaps), None, None, Pool(), "stretch", np.inf) == ["nearest", "near", "far"]
-    assert free_run.screen_laws([], None, None, Pool(), "stretch", 0.06) == []
+    assert free_run.screen_laws(list(gaps), "on the stretch", None, Pool(), 0.06) == ["nearest", "near"]
+    assert free_run.screen_laws(list(gaps), "on the stretch", None, Pool(), np.inf) == ["nearest", "near", "far"]
+    assert free_run.screen_laws([], "on the stretch", None, Pool(), 0.06) == []
 
 
 def test_the_balance_decides_between_forms_that_a_free_run_hardly_tells_apart():

@@ -130,15 +130,17 @@ def find_law(
     """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
-    law that is found without each of them.
+    law that is found without each of them. screened: data on which laws are simulated before any refit, all training
+    data or a stretch of them.
     """
     scoring = with_typical_priors(scoring)
+    screening = replace(scoring, training=screened)
     bases = [base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
     left = min(screened.gap(one.fit.values)["total"] for one in without)
     pairs = zip(bases, without, strict=True)
-    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool, screened)]
+    tried = [one for base, own in pairs for one in _try(base, own, scoring, screening, most, left, pool)]
     tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
     return _select(tried, without[-1], reference)
 
@@ -240,13 +242,13 @@ def _try(
     base: LawBase,
     without: ScoredHypothesis,
     scoring: Scoring,
+    screening: Scoring,
     most: int,
     left: float,
     pool: Pool,
-    screened: Segment,
 ) -> list[_Tried]:
-    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. left: smallest
-    gap that a hypothesis without a law leaves on the data for screening.
+    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. screening: the
+    scoring on the data for screening. left: smallest gap that a hypothesis without a law leaves on these.
     """
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
@@ -255,8 +257,8 @@ def _try(
     held = _with_explained([law for one in inputs for law in one.held], inputs)
     valves = _with_explained([law for one in inputs for law in one.valves], inputs)
     far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
-    chosen = screen_laws(held, scoring, base.fit, pool, screened, far_held)
-    chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool, screened)
+    chosen = screen_laws(held, screening, base.fit, pool, far_held)
+    chosen += promising([*sums, *valves], screening, base.fit, most, far, pool)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
@@ -280,16 +282,10 @@ def beyond_chance(fits: Sequence[LawFit], placebo: float) -> list[LawFit]:
 
 
 def promising(
-    sums: Sequence[LawFit],
-    scoring: Scoring,
-    fit: HypothesisFit,
-    most: int,
-    far: float,
-    pool: Pool,
-    screened: Segment,
+    sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, most: int, far: float, pool: Pool
 ) -> list[LawFit]:
     """The laws that leave least of the gap as they were found, less than `far`, of different inputs and terms."""
-    return _varied(screen_laws(sums, scoring, fit, pool, screened, far))[:most]
+    return _varied(screen_laws(sums, scoring, fit, pool, far))[:most]
 
 
 def _with_explained(laws: Sequence[LawFit], inputs: Sequence[LawInput]) -> list[LawFit]:

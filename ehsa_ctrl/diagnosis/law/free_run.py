@@ -180,24 +180,22 @@ class _Start:
         return cls(file, begin, own, candidate, values | dict(zip(candidate.names, candidate.starts[0], strict=True)))
 
 
-def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit, data: Segment) -> float:
-    """Gap in total that a law leaves before any refit; infinite if the run stops."""
+def gap_as_found(law: LawFit, scoring: Scoring, base: HypothesisFit) -> float:
+    """Gap in total that a law leaves on the training data before any refit; infinite if the run stops."""
     start = _Start.of(law, scoring, base)
-    segment = with_effect(data, start.candidate.effect, start.begin)
+    segment = start.scoring.training
     gap = segment.gap_of(segment.run([start.values])[0])["total"]
     return gap if np.isfinite(gap) else np.inf
 
 
-def screen_laws(
-    laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, data: Segment, far: float
-) -> list[LawFit]:
-    """The laws by the gap that they leave as they were found, the smallest first; without those that leave `far` or
-    more. data: of the gap, the training data or a stretch of them.
+def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, far: float) -> list[LawFit]:
+    """The laws by the gap that they leave on the training data as they were found, the smallest first; without those
+    that leave `far` or more.
 
     A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
     the pressures balance the friction.
     """
-    gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base, data), list(laws))
+    gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base), list(laws))
     return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] < far]
 
 
