@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ehsa_ctrl
+from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.physics.effects.viscosity_warmup import heat_of, thinning
 
@@ -23,6 +24,12 @@ def test_closed_form():
     assert thinning(10.0, 5e3, 0.3, 10.0, np.inf) == pytest.approx(share, rel=1e-12)
     assert thinning(99.0, 2e3, 0.3, 10.0, 2e3) == pytest.approx(share, rel=1e-12)
     assert thinning(0.0, 0.0, 0.3, 10.0, 2e3) == 0.0
+
+
+def test_oil_that_warms_up_does_not_thicken(cold):
+    """Less torque with running time has another cause, such as a motor that heats up."""
+    with pytest.raises(InputError, match=r"drop = -0\.1 1: must be at least 0"):
+        cold.set(drop=-0.1)
 
 
 @pytest.mark.parametrize("E_w", [np.inf, 20.0])

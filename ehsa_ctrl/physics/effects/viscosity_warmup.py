@@ -2,7 +2,8 @@
 
 B (1 - drop (1 - exp(-s))) with s = t / tau_w, or s = E / E_w where E_w is finite. The first is warming at a steady load
 after a cold start. The second follows the load: E is the heat of the friction at shaft and rod, which warms the oil of
-a closed circuit. In both, the viscosity falls in proportion to the rise of temperature, which is small.
+a closed circuit. In both, the viscosity falls in proportion to the rise of temperature, which is small. It does
+not rise: a motor that loses torque as it heats up would be named warming oil.
 """
 
 from collections.abc import Mapping
@@ -79,7 +80,7 @@ effect = Effect(
     fingerprint="torque and force errors ~ speed that grow slowly from the start of the log",
     changes={"T_FM": shaft, "F_FR": rod},
     parameters=(
-        EffectParameter("drop", "1", "final lost share of viscous friction", 0.0, 0.3, -1.0, 0.95),
+        EffectParameter("drop", "1", "final lost share of viscous friction", 0.0, 0.3, 0.0, 0.95),
         EffectParameter("tau_w", "s", "time constant of the warming", 10.0, 10.0, 0.5, 1e5, shape=True),
         EffectParameter("E_w", "J", "heat constant; infinite: time counts", inf, inf, 1.0, shape=True),
     ),
