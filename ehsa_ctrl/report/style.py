@@ -13,7 +13,9 @@ from typing import Any
 
 import matplotlib
 import matplotlib.style
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -101,10 +103,7 @@ class Sheet(Figure):
 
         Only tick labels may contain formulas, which matplotlib itself generates.
         """
-        axes = [axis for ax in self.axes for axis in (ax.xaxis, ax.yaxis)]
-        ticks = [tick for axis in axes for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
-        numbers = {text for tick in ticks for text in (tick.label1, tick.label2)}
-        for text in set(self.findobj(Text)) - numbers:
+        for text in _texts(self):
             text.set_parse_math(False)
             text.set_text(text.get_text().encode(errors="replace").decode())
 
@@ -152,6 +151,15 @@ class Sheet(Figure):
         with style():
             self.savefig(stream, format="png", dpi=100, metadata={"Software": None})
         return stream.getvalue()
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    """All text within an artist but tick labels, whose ticks matplotlib would place anew to list them."""
+    if isinstance(artist, Text):
+        yield artist
+    parts = [artist.label, artist.offsetText] if isinstance(artist, Axis) else artist.get_children()
+    for part in parts:
+        yield from _texts(part)
 
 
 def _label_distance(ax: Axes, side: str) -> float:
