@@ -57,7 +57,14 @@ from .prepared_logs import (
 from .pruning import prune
 from .records import Runs, Segment, joint_gap
 from .refit import HypothesisFit, refit_nominal
-from .scoring import ScoredHypothesis, Scoring, effect_id_by_parameter, score_hypotheses
+from .scoring import (
+    ScoredHypothesis,
+    Scoring,
+    effect_id_by_parameter,
+    floor_of,
+    input_noise_effect,
+    score_hypotheses,
+)
 from .second_search import search_from_selection
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
@@ -125,8 +132,10 @@ def diagnose(
     prepared = replace(prepared, findings=findings)
     if small:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
+        objective, _ = objective_of(segments.training, threshold)
+        floor = floor_of(segments.held_out, input_noise_effect(objective, segments.held_out, {}))
         return _build_diagnosis(
-            prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, runs=2
+            prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, floor=floor, runs=2
         )
     with sharing_threads(jobs or os.cpu_count() or 1):
         return _diagnose_gap(prepared, segments, gaps, own_gaps, without, watch, began)

@@ -51,3 +51,19 @@ def test_twice_the_noise_does_twice_as_much(effect_of):
 def test_the_sensor_says_how_much_of_it_is_noise(effect_of):
     """A controller's answer to noise looks like noise in the log, and drove the rig."""
     assert effect_of(0.05, stated=0.005).square == effect_of(0.005, stated=1.0).square
+
+
+def test_a_log_without_a_gap_has_a_floor_that_grows_with_the_noise():
+    """The true plant leaves about as much; four times the noise of the current makes four times as much."""
+    rig = ehsa_ctrl.load_plant("ehsa")
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3.0, duration=6.0, seed=1)
+    floors = []
+    for more in (1.0, 4.0):
+        sensor = replace(rig.sensors["current"], noise=0.0025 * more, step=0.0)
+        plant = replace(rig, sensors={**rig.sensors, "current": sensor})
+        found = ehsa_ctrl.diagnose(plant, ehsa_ctrl.record(plant, time, current, centre=True)[0])
+        assert found.verdict == "no_gap" and found.floor.keys() == found.gap["nominal"].keys()
+        assert found.gap["nominal"]["total"] < 1.5 * found.floor["total"]
+        floors.append(found.floor["speed"])
+
+    assert floors[1] == pytest.approx(4.0 * floors[0], rel=0.5)
