@@ -62,7 +62,7 @@ from .scoring import (
     Scoring,
     effect_id_by_parameter,
     floor_of,
-    input_noise_effect,
+    input_noise_gaps,
     score_hypotheses,
 )
 from .second_search import search_from_selection
@@ -132,8 +132,7 @@ def diagnose(
     prepared = replace(prepared, findings=findings)
     if small:
         gap = dict.fromkeys(MODELS, segments.held_out.gap({}))
-        objective, _ = objective_of(segments.training, threshold)
-        floor = floor_of(segments.held_out, input_noise_effect(objective, segments.held_out, {}))
+        floor = floor_of(segments.held_out, input_noise_gaps(segments.held_out, {}))
         return _build_diagnosis(
             prepared, segments, gaps, {}, began, verdict="no_gap", where=(), effects=(), gap=gap, floor=floor, runs=2
         )

@@ -95,7 +95,7 @@ class Reference:
         training_gap = scoring.training.gap({})["total"]
         noise, nominal = scoring.noise_deviance, scoring.nominal_deviance
         segments = scoring.training, scoring.held_out
-        floors = [floor_of(segment, one) for segment, one in zip(segments, scoring.input_noise, strict=True)]
+        floors = [floor_of(segment, one.gaps) for segment, one in zip(segments, scoring.input_noise, strict=True)]
         gaps = training_gap, scoring.held_out.gap({})["total"]
         return cls(noise, nominal, training_gap, scoring.noise_square, (floors[0], floors[1]), gaps, scoring.threshold)
 

@@ -345,8 +345,23 @@ def effect_id_by_parameter(plant: Plant) -> dict[str, str]:
 
 def input_noise_effect(objective: Objective, segment: Segment, values: Setting) -> InputNoiseEffect:
     """Effect of the noise of the logged current on a simulation over a segment."""
-    signals = [one.name for one in segment.model.plant.structure.system.scored]
-    none = InputNoiseEffect(np.zeros(len(objective.scale.scale)), 0.0, dict.fromkeys([*signals, "total"], 0.0))
+    scale, runs = objective.scale, _runs_with_noise(segment, values)
+    gaps = _largest_changes(segment, runs)
+    if not runs:
+        return InputNoiseEffect(np.zeros(len(scale.scale)), 0.0, gaps)
+    residual, *noisy = (scale.residual_of(segment.records, run) for run in runs)
+    block_means = [objective.block_mean_squares(r - residual) for r in noisy]
+    square = max(float(np.mean((r - residual) ** 2)) for r in noisy)
+    return InputNoiseEffect(np.max(block_means, axis=0), square, gaps)
+
+
+def input_noise_gaps(segment: Segment, values: Setting) -> dict[str, float]:
+    """The gaps of `input_noise_effect`."""
+    return _largest_changes(segment, _runs_with_noise(segment, values))
+
+
+def _runs_with_noise(segment: Segment, values: Setting) -> list[Runs]:
+    """A simulation, then its realisations with noise of the logged current; empty without noise, or if one stopped."""
     plant = segment.model.plant
     drive = plant.structure.system.drive
     sensor = plant.sensors.get(drive)
@@ -355,22 +370,25 @@ def input_noise_effect(objective: Objective, segment: Segment, values: Setting) 
     sds = [min(record.noise.get(drive, 0.0), most) for record in segment.records]
     run = segment.simulate(values)
     if max(sds) == 0.0 or run is None:
-        return none
-    scale = objective.scale
-    residual = scale.residual_of(segment.records, run)
-    block_means, squares, gaps = [], [], []
+        return []
+    found = [run]
     for seed in range(REALISATIONS):
         random = np.random.default_rng(seed)
         noisy = tuple(_with_noise(r, drive, sd, random) for r, sd in zip(segment.records, sds, strict=True))
         other = replace(segment, records=noisy).simulate(values)
         if other is None:
-            return none
-        r = scale.residual_of(segment.records, other) - residual
-        block_means.append(objective.block_mean_squares(r))
-        squares.append(float(np.mean(r**2)))
-        gaps.append(segment.change(run, other))
-    largest_gaps = {name: max(found[name] for found in gaps) for name in gaps[0]}
-    return InputNoiseEffect(np.max(block_means, axis=0), max(squares), largest_gaps)
+            return []
+        found.append(other)
+    return found
+
+
+def _largest_changes(segment: Segment, runs: Sequence[Runs]) -> dict[str, float]:
+    """Signal -> largest change from the first run to another one; zero without runs."""
+    if not runs:
+        signals = [one.name for one in segment.model.plant.structure.system.scored]
+        return dict.fromkeys([*signals, "total"], 0.0)
+    changes = [segment.change(runs[0], other) for other in runs[1:]]
+    return {name: max(one[name] for one in changes) for name in changes[0]}
 
 
 def _with_noise(record: Record, channel: str, sd: float, random: np.random.Generator) -> Record:
@@ -380,11 +398,13 @@ def _with_noise(record: Record, channel: str, sd: float, random: np.random.Gener
     return replace(record, model=replace(record.model, log=replace(log, channels={**log.channels, channel: noisy})))
 
 
-def floor_of(segment: Segment, input_noise: InputNoiseEffect) -> dict[str, float]:
+def floor_of(segment: Segment, input_noise: Mapping[str, float]) -> dict[str, float]:
     """The gap that the best possible model leaves on a segment, of each signal and in total.
 
     Noise of the logged input with the slips that it decides, and what the declared sensors add to the noise that the
     log shows: a calibration, a screw's pitch or a converter's rounding is no white noise.
+
+    input_noise: signal -> gap that the noise of the input makes, see `input_noise_gaps`.
     """
     tables = []
     for record in segment.records:
@@ -399,7 +419,7 @@ def floor_of(segment: Segment, input_noise: InputNoiseEffect) -> dict[str, float
             }
         )
     sensors = mean_square_root(tables)
-    out = {name: float(np.hypot(sensor, input_noise.gaps.get(name, 0.0))) for name, sensor in sensors.items()}
+    out = {name: float(np.hypot(sensor, input_noise.get(name, 0.0))) for name, sensor in sensors.items()}
     return out | {"total": float(np.sqrt(np.mean(np.square(list(out.values())))))}
 
 

@@ -2,8 +2,8 @@
 
 B (1 - drop (1 - exp(-s))) with s = t / tau_w, or s = E / E_w where E_w is finite. The first is warming at a steady load
 after a cold start. The second follows the load: E is the heat of the friction at shaft and rod, which warms the oil of
-a closed circuit. In both, the viscosity falls in proportion to the rise of temperature, which is small. It does
-not rise: a motor that loses torque as it heats up would be named warming oil.
+a closed circuit. In both, the viscosity falls in proportion to the rise of temperature, which is small. It cannot
+rise: otherwise a motor that loses torque as it heats up would be named warming oil.
 """
 
 from collections.abc import Mapping
