@@ -127,9 +127,12 @@ class Reference:
         pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
         return max(largest_beyond(gaps, floor) for gaps, floor in pairs)
 
-    def is_relevant(self, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-        """Whether the largest gap falls by a relevant amount, see MIN_DECREASE."""
-        return largest(before) ** 2 - largest(after) ** 2 >= (MIN_DECREASE * self.threshold) ** 2
+    def is_relevant(
+        self, before: Mapping[str, float], after: Mapping[str, float], floor: Mapping[str, float] | None = None
+    ) -> bool:
+        """Whether the largest gap, beyond the floor if one is given, falls by a relevant amount, see MIN_DECREASE."""
+        first, last = (largest_beyond(gaps, floor or {}) for gaps in (before, after))
+        return first**2 - last**2 >= (MIN_DECREASE * self.threshold) ** 2
 
     def margin(self, one: ScoredHypothesis, share: float = MARGIN_EXPLAINED) -> float:
         """Alternatives whose deviance is larger by at most this margin can't be excluded."""
