@@ -11,7 +11,7 @@ from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 
 
-def tried_law(place, base, deviance, gaps, without, deviance_without=0.0):
+def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0):
     """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
 
     def scored(deviance, gaps):
@@ -30,7 +30,7 @@ def test_effects_that_imitate_a_law_are_not_named_beside_it():
     other = tried_law("pump_flow", plant, 5800.0, (0.002, 0.006), plain)
     elsewhere = tried_law("force", plant, 5900.0, (0.002, 0.009), plain)
     worse = tried_law("force", plant, 5700.0, (0.0138, 0.009), plain)
-    reference = Reference(6000.0, 16000.0, 0.02, 1.0, threshold=0.02)
+    reference = Reference(5480.0, 16000.0, 0.02, 1.0, threshold=0.02)
 
     def best(deviance, gaps=(0.001, 0.005)):
         beside = tried_law("pump_flow", effects, deviance, gaps, imitated)
@@ -57,6 +57,23 @@ def test_a_law_replaces_effects_by_its_deviance_where_its_gaps_are_no_larger():
     assert not found(507.0, (0.0125, 0.0165)) and not found(507.0, (0.025, 0.0148))
 
 
+def test_slips_that_no_model_predicts_do_not_hide_a_law():
+    """Its gaps are below the floor, or a little smaller than without it: the deviance tells. Above the floor, both do."""
+    plant = N(fit=N(candidates=()))
+    floors = {"speed": 0.032, "total": 0.032}, {"speed": 0.027, "total": 0.027}
+
+    def found(deviance, gaps, without=(0.020, 0.029), floors=floors):
+        alone = tried_law("torque", plant, deviance, gaps, without, 5546.0)
+        return laws_of_best([alone], alone.without, Reference(3196.0, 11279.0, 0.05, 1.0, floors)) == [alone]
+
+    assert found(3948.0, (0.017, 0.025))
+    assert not found(3948.0, (0.017, 0.025), floors=({}, {}))
+    assert not found(5000.0, (0.017, 0.025))
+    # Half of the gap, but more of the deviance: a wrong law.
+    assert found(3948.0, (0.025, 0.027), without=(0.047, 0.047), floors=({}, {}))
+    assert not found(6000.0, (0.025, 0.027), without=(0.047, 0.047), floors=({}, {}))
+
+
 def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_to():
     """Five effects with a brake of 0.03 N m: their numbers follow the training data, and the brake alone both parts."""
     effects = N(fit=N(candidates=("motor_friction", "torque_constant", "drive_dead_band")))
@@ -64,7 +81,7 @@ def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_
 
     def found(gaps):
         alone = tried_law("torque", N(fit=N(candidates=())), 3589.0, gaps, (0.0138, 0.0079), 5000.0)
-        return laws_of_best([alone], last, Reference(259.0, 8000.0, 0.055, 1.0)) == [alone]
+        return laws_of_best([alone], last, Reference(2900.0, 8000.0, 0.055, 1.0)) == [alone]
 
     assert found((0.0031, 0.0031))
     assert not found((0.0031, 0.0065)) and not found((0.017, 0.0031))
@@ -116,10 +133,10 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
 
     monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
     monkeypatch.setattr(find, "refit_laws", refitted)
-    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=0.0))
+    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=400.0))
     both = (orifice, delay)
     first = find._Tried(
-        law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=0.0), None, 0.0
+        law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=400.0), None, 0.0
     )
 
     found = find._with_fewer_effects(

@@ -386,16 +386,16 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
 
 
 def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
-    """Whether a law leaves clearly less of the gap than the hypothesis without it, on training and held-out data.
+    """Whether a law leaves clearly less than the hypothesis without it: of the deviance above noise, and of the gap
+    beyond the floor, on training and held-out data.
 
-    Or clearly less beyond the floor, and a deviance smaller by the margin: where rod and spring stick, single slips make
-    up most of the gap of any model, and the robust deviance gives them little weight.
+    Where rod and spring stick, single slips make up most of the gap of any model, and the robust deviance gives them
+    little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
+    speed that imitated an error of the position sensor left half of the gap, and 1.2 of the deviance.
     """
-    after, before = _total_gaps(one), _total_gaps(without)
-    if all(np.less(after, BETTER * before)):
-        return True
-    beyond = _beyond_floor(after, reference), _beyond_floor(before, reference)
-    return _ahead(one, without, reference) and all(np.less_equal(beyond[0], BETTER * beyond[1]))
+    gaps, before = (_beyond_floor(_total_gaps(one), reference) for one in (one, without))
+    less = reference.unexplained(one) < BETTER * reference.unexplained(without)
+    return less and all(np.less_equal(gaps, BETTER * before))
 
 
 def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
@@ -406,12 +406,9 @@ def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Refer
     """
     after, before = _total_gaps(one), _total_gaps(without)
     left, left_before = (_beyond_floor(gaps, reference)[1] for gaps in (after, before))
-    better = after[1] < BETTER * before[1] or (left <= left_before and _ahead(one, without, reference))
+    ahead = left <= left_before and one.deviance < without.deviance - reference.margin(one)
+    better = after[1] < BETTER * before[1] or ahead
     return bool(better) and not reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
-
-
-def _ahead(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
-    return one.deviance < without.deviance - reference.margin(one)
 
 
 def _total_gaps(one: ScoredHypothesis) -> np.ndarray:
