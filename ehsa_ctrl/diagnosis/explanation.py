@@ -74,17 +74,18 @@ def explain(
     logs: with the plant that has the selected causes.
     """
     left = reference.left(selection.chosen)
-    if selection.misfit <= 1.0 and left < MUCH_LEFT * threshold:
+    shares = reference.closed(selection.chosen)
+    # What is closed of a gap that the best possible model may leave too is chance.
+    above = [gap > floor.get("total", 0.0) for gap, floor in zip(reference.nominal_gaps, reference.floors, strict=True)]
+    enough = all(share >= PART for share, counts in zip(shares, above, strict=True) if counts)
+    # The robust loss gives spikes little weight: they may be all that is left, and all that there was.
+    if selection.misfit <= 1.0 and left < (MUCH_LEFT if enough else 1.0) * threshold:
         return Explanation(selection.verdict, left)
     curve = free_curve(logs)
     # Several wrong numbers together imitate an unknown effect: they have to leave less.
     simple = len(selection.chosen.causes) <= FEW
     limit = threshold if simple else MANY_LEFT * threshold
-    shares = reference.closed(selection.chosen)
     closed = min(shares)
-    # What is closed of a gap that the best possible model may leave too is chance.
-    above = [gap > floor.get("total", 0.0) for gap, floor in zip(reference.nominal_gaps, reference.floors, strict=True)]
-    enough = all(share >= PART for share, counts in zip(shares, above, strict=True) if counts)
     little = left < limit and enough and not (curve is not None and curve.better)
     # Many sets close a gap that is no larger than the floor: whether one of them acts is seen in the deviance alone.
     if little and (all(above) or not reference.leaves_much(selection.chosen)):

@@ -25,13 +25,13 @@ def selection(gap, misfit, verdict="effect", deviance=0.0):
 
 @pytest.fixture
 def verdict_of(monkeypatch):
-    """Function: verdict where the nominal gap is 10 %, and a free curve leaves `curve` of what the causes leave."""
+    """Function: verdict where a free curve leaves `curve` of what the causes leave. before: nominal gap."""
 
-    def run(gap, misfit, curve, floor=0.0, verdict="effect", deviance=0.0):
+    def run(gap, misfit, curve, floor=0.0, verdict="effect", deviance=0.0, before=0.1):
         found = FreeCurve("force", (), gap, curve * gap)
         monkeypatch.setattr(explanation, "free_curve", lambda *_: found)
         floors = ({"speed": floor, "total": floor},) * 2
-        reference = Reference(0.0, 1e4, 0.1, 0.7, floors, (0.1, 0.1))
+        reference = Reference(0.0, 1e4, before, 0.7, floors, (before, before))
         return explain(selection(gap, misfit, verdict, deviance), reference, 0.03, []).verdict
 
     return run
@@ -42,9 +42,16 @@ def test_no_misfit_keeps_the_verdict(verdict_of):
 
 
 def test_a_large_rest_counts_however_small_it_is_beside_the_nominal_gap(verdict_of):
-    """Three thresholds and more, here with 10 % before."""
-    assert verdict_of(0.0899, misfit=0.9, curve=0.9) == "effect"
-    assert verdict_of(0.0901, misfit=0.9, curve=0.9) == "outside_catalogue"
+    """Three thresholds and more."""
+    assert verdict_of(0.0899, misfit=0.9, curve=0.9, before=1.0) == "effect"
+    assert verdict_of(0.0901, misfit=0.9, curve=0.9, before=1.0) == "partly"
+
+
+def test_causes_that_close_little_explain_no_gap_of_which_the_robust_loss_sees_little(verdict_of):
+    """Spikes of a sensor: the causes fit the rest down to noise, and leave what the spikes make."""
+    assert verdict_of(0.066, misfit=0.9, curve=0.9) == "effect"
+    assert verdict_of(0.068, misfit=0.9, curve=0.9) == "outside_catalogue"
+    assert verdict_of(0.029, misfit=0.9, curve=0.9, before=0.04) == "effect"
 
 
 def test_a_rest_that_does_not_matter_is_explained(verdict_of):

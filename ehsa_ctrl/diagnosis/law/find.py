@@ -188,14 +188,17 @@ def _with_fewer_effects(
 ) -> list[_Tried]:
     """Laws with the best of them beside one effect less, as long as that is better. last: as in `laws_of_best`.
 
-    An effect may imitate a part of the law; another term of the law cancels it then.
+    An effect may imitate a part of the law; another term of the law cancels it then. Laws that were found beside other
+    effects are tried too: a constant leakage and a law that corrects it are far from a leakage that grows with time.
     """
     tried = list(tried)
     alike = laws_of_best(tried, last, reference)
     better = bool(alike)
     while better:
         fewer = [
-            one for out in alike[0].base.fit.candidates for one in _without_effect(alike, out, base_of, scoring, pool)
+            one
+            for out in alike[0].base.fit.candidates
+            for one in _without_effect(alike, _found_elsewhere(tried, alike[0], out), out, base_of, scoring, pool)
         ]
         tried += fewer
         alike = laws_of_best(tried, last, reference)
@@ -203,22 +206,38 @@ def _with_fewer_effects(
     return tried
 
 
+def _found_elsewhere(tried: Sequence[_Tried], best: _Tried, out: CandidateEffect) -> list[_Tried]:
+    """The best laws of the same unknown input that were found beside other effects, and without one of them."""
+    found: dict[str, _Tried] = {}
+    for one in sorted(tried, key=lambda one: one.law.scored.deviance):
+        same_input = one.law.law.grammar.name == best.law.law.grammar.name
+        if same_input and one.law.stable and out.key not in [c.key for c in one.base.fit.candidates]:
+            found.setdefault(one.law.file.form, one)
+    return list(found.values())[:EACH]
+
+
 def _without_effect(
     alike: Sequence[_Tried],
+    elsewhere: Sequence[_Tried],
     out: CandidateEffect,
     base_of: Callable[[HypothesisFit], LawBase],
     scoring: Scoring,
     pool: Pool,
 ) -> list[_Tried]:
-    """Laws of the same unknown input beside the same effects, refitted without one of these."""
+    """Laws of the same unknown input beside the same effects, refitted without one of these.
+
+    elsewhere: laws found beside other effects, which are tried here too.
+    """
     best = alike[0]
     rest = tuple(c for c in best.base.fit.candidates if c is not out)
     values = best.base.fit.without(out, scoring.objective)
     fit = refit(scoring.objective, rest, values, {}, steps=STEPS, renew_after=RENEW)
     if fit is None:
         return []
+    own = {name: best.law.others[name] for c in rest for name in c.names}
     others = [{n: v for n, v in one.law.others.items() if n not in out.names} for one in alike]
-    laws = refit_laws([one.law.refitted for one in alike], scoring, fit, pool, others)
+    others += [{n: v for n, v in one.law.others.items() if n in scoring.objective.nominal.names} | own for one in elsewhere]
+    laws = refit_laws([one.law.refitted for one in (*alike, *elsewhere)], scoring, fit, pool, others)
     laws += refit_laws(_reduced(laws, [best.input]), scoring, fit, pool)
     base, without = base_of(fit), scoring.score(fit)
     return [replace(best, law=law, base=base, without=without) for law in laws]
