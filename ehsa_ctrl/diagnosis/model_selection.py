@@ -9,7 +9,7 @@ import numpy as np
 
 from .diagnosis import NAMING, Verdict
 from .scoring import CauseKey, ScoredHypothesis, Scoring, floor_of, rank
-from .signals import largest, largest_beyond
+from .signals import largest_beyond
 
 # The thresholds were chosen with the tuning seeds of the independent bench; docs/evidence.md has results with others.
 

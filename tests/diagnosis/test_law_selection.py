@@ -58,7 +58,7 @@ def test_a_law_replaces_effects_by_its_deviance_where_its_gaps_are_no_larger():
 
 
 def test_slips_that_no_model_predicts_do_not_hide_a_law():
-    """Its gaps are below the floor, or a little smaller than without it: the deviance tells. Above the floor, both do."""
+    """Its gaps are below the floor, or a little smaller than without it: the deviance tells. Above it, both do."""
     plant = N(fit=N(candidates=()))
     floors = {"speed": 0.032, "total": 0.032}, {"speed": 0.027, "total": 0.027}
 
@@ -123,7 +123,7 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     def law(members):
         ids = [name for one in members for name in one.names]
         found = tried_law("pump_flow", None, deviances[" ".join(ids)], (0.007, 0.01), (0.06, 0.11)).law
-        return N(**vars(found), others=dict.fromkeys(ids), refitted=members, reduced=None)
+        return N(**vars(found), others=dict.fromkeys(ids), refitted=members, reduced=None, file=N(form="leakage"))
 
     def fit(members):
         return N(candidates=members, without=lambda out, _: tuple(c for c in members if c is not out))
@@ -133,7 +133,10 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
 
     monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
     monkeypatch.setattr(find, "refit_laws", refitted)
-    scoring = N(objective=None, score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=400.0))
+    scoring = N(
+        objective=N(nominal=N(names=())),
+        score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=400.0),
+    )
     both = (orifice, delay)
     first = find._Tried(
         law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=400.0), None, 0.0
@@ -145,7 +148,29 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
 
     best = find.laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
     assert [one.base.fit.candidates for one in best] == [(delay,)]
-    assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), ()]
+    # Beside no effect, the law that was found beside the delay is tried, and the one found beside the orifice.
+    assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), (), ()]
+
+
+def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out():
+    """The best of each form for the same unknown input, which the refit keeps and whose effects lack that one."""
+    leakage, delay = (N(key=(id, None)) for id in ("internal_leakage", "sensor_delay"))
+
+    def tried(place, effects, deviance, form, stable=True):
+        one = tried_law(place, N(fit=N(candidates=effects)), deviance, (0.01, 0.01), (0.06, 0.06))
+        one.law.file, one.law.stable = N(form=form), stable
+        return one
+
+    best = tried("pump_flow", (delay, leakage), 271.0, "constant and time")
+    growing = tried("pump_flow", (), 477.0, "time")
+    others = [
+        tried("pump_flow", (), 490.0, "time"),
+        tried("pump_flow", (leakage,), 300.0, "other"),
+        tried("torque", (), 200.0, "torque"),
+        tried("pump_flow", (), 200.0, "vanishing", stable=False),
+    ]
+
+    assert find._found_elsewhere([*others, growing, best], best, leakage) == [growing]
 
 
 def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, terms=1):

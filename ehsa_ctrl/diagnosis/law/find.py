@@ -235,9 +235,10 @@ def _without_effect(
     if fit is None:
         return []
     own = {name: best.law.others[name] for c in rest for name in c.names}
-    others = [{n: v for n, v in one.law.others.items() if n not in out.names} for one in alike]
-    others += [{n: v for n, v in one.law.others.items() if n in scoring.objective.nominal.names} | own for one in elsewhere]
-    laws = refit_laws([one.law.refitted for one in (*alike, *elsewhere)], scoring, fit, pool, others)
+    kept = {*scoring.objective.nominal.names, *own}.difference(out.names)
+    found = [one.law for one in (*alike, *elsewhere)]
+    others = [own | {n: v for n, v in law.others.items() if n in kept} for law in found]
+    laws = refit_laws([law.refitted for law in found], scoring, fit, pool, others)
     laws += refit_laws(_reduced(laws, [best.input]), scoring, fit, pool)
     base, without = base_of(fit), scoring.score(fit)
     return [replace(best, law=law, base=base, without=without) for law in laws]
