@@ -10,6 +10,7 @@ from scipy.signal import lsim, lti
 
 import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
+from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
@@ -223,6 +224,23 @@ def test_a_law_with_a_memory_is_an_effect(plant):
 
     assert definition.states["c_m_1"].rate == "1" and "d_R" in definition.expression
     assert run["c_m_1"][-1] == pytest.approx(0.004 * 249)
+
+
+def test_a_step_in_time_does_not_leave_the_log(plant):
+    """Friction that was half there 6 s before the log began: the location stays in it, and has bounds, at 0 s too."""
+    problem = with_memories(
+        case(lambda x, v, d: 75.0 * d * (1 + np.tanh((TIME[:-1] + 6.0) / 8.0))), *over_time({"d_R": ()}, 24.0)
+    )
+    grammar = problem[0]
+    found = next(one for one in grammar.memories if "tanh" in one.text)
+    term = Term(found.text, frozenset(found.on), found.shapes, found.units, found.memory)
+    (shaped,) = regression._shaped(grammar, regression._Target(*problem[1:]), [term])
+
+    assert 0.0 < shaped.shapes["at"] < term.shapes["at"]
+    for at in (shaped.shapes["at"], 0.0):
+        one = replace(shaped, shapes=shaped.shapes | {"at": at})
+        own = definition_of(LawFit(grammar, (one,), (150.0,), (3.0,), 0.7), list(plant.parameters)).parameters["c_at_1"]
+        assert own.bounds[0] == 0.0 <= own.value < own.bounds[1]
 
 
 @pytest.mark.parametrize(("share", "ends"), [(1.0, False), (0.5, True)])

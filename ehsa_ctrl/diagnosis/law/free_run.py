@@ -145,7 +145,8 @@ def _bounds(law: LawFit, term: Term, name: str) -> dict[str, object]:
     if term.units[name] == "1":
         return {}
     if "time" in term.variables:
-        return {"bounds": (0.0, 2.0 * term.shapes[name])}
+        # A refit may have ended at the beginning of the log.
+        return {"bounds": (0.0, 2.0 * max(term.shapes[name], law.grammar.sample_time))}
     reach = max(float(np.ptp(v.values)) for v in law.grammar.variables if v.text in term.variables)
     return {"bounds": (term.shapes[name] - FARTHER * reach, term.shapes[name] + FARTHER * reach)}
 

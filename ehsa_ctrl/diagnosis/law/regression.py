@@ -462,6 +462,11 @@ def _scale(name: str, value: float, unit: str, whole: float) -> float:
     return 0.05 * value if unit == "1" else abs(value)
 
 
+def _is_positive(term: Term, name: str) -> bool:
+    """Whether a shape is: all but locations other than times."""
+    return name != "at" or term.units[name] == "s"
+
+
 def _shaped(grammar: Grammar, target: _Target, terms: list[Term]) -> list[Term]:
     """Terms with the shapes that leave least, from those of the grid."""
     start = np.array([value for term in terms for value in term.shapes.values()])
@@ -484,7 +489,8 @@ def _shaped(grammar: Grammar, target: _Target, terms: list[Term]) -> list[Term]:
     def left(z: np.ndarray) -> float:
         shaped = moved(z)
         pairs = zip(shaped, terms, strict=True)
-        if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if n != "at"):
+        # A step in time before the log begins is a constant.
+        if any(new.shapes[n] <= 0.1 * old.shapes[n] for new, old in pairs for n in old.shapes if _is_positive(old, n)):
             return np.inf
         columns = [fixed[i] if i in fixed else target.column(grammar, term) for i, term in enumerate(shaped)]
         problem = _SumProblem.of_columns(target, shaped, columns)
