@@ -113,7 +113,8 @@ class Search:
         without = without_law(fit, scoring)
         best = min(stable, key=lambda law: law.scored.deviance)
         closed = 1.0 - best.scored.held_out_gap["total"] / without.held_out_gap["total"]
-        accepted = any(clearly_better(law.scored, without, Reference.of(self.scoring)) for law in stable)
+        reference = Reference.of(self.scoring)
+        accepted = any(clearly_better(law.scored, without, reference) for law in stable)
         return Refitted(f"{best.file.adds_to}: {best.file.form}", closed, accepted)
 
 
