@@ -8,6 +8,8 @@ import pytest
 import ehsa_ctrl
 from ehsa_ctrl.core.errors import InputError
 from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis.candidate_effects import candidate_effects
+from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel, with_every_effect
 from ehsa_ctrl.physics.effects import EFFECTS, CandidateEffect, FreeNumber
 from ehsa_ctrl.physics.effects.relief_hysteresis import P_LATCH, latch
 
@@ -66,3 +68,19 @@ def test_a_shape_beside_an_infinite_number_has_a_start_of_its_own():
 
     assert not CandidateEffect(EFFECTS["relief_valve"], (crack, lag), ((CRACK, TAU),)).shaped
     assert CandidateEffect(EFFECTS["position_dependent_friction"], spot, ((0.1, 0.0),)).shaped
+
+
+@pytest.mark.parametrize(("own", "largest"), [(1e-7, 1e-5), (1e-4, 1e-4)])
+def test_a_gain_is_searched_up_to_a_wide_bore_or_that_of_the_plant(plant, own, largest):
+    """With a hundred times that, a simulation takes a hundred times as long, and the pressure is the same."""
+    valved = plant.with_effects("relief_valve", K_relief=own)
+    time, current = ehsa_ctrl.excitation("noise", amplitude=3, duration=2)
+    log, _ = ehsa_ctrl.record(valved, time, current, centre=True)
+    free = [
+        number
+        for candidate in candidate_effects(HypothesisModel(with_every_effect(valved), log))
+        for number in candidate.free
+        if number.name == "K_relief"
+    ]
+
+    assert free and {(number.nominal, number.lower, number.upper) for number in free} == {(own, 0.0, largest)}

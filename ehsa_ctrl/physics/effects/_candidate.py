@@ -143,17 +143,19 @@ def starting_points(free: Sequence[FreeNumber], *sizes: float) -> Starts:
 
 
 def effect_number(effect: Effect, context: DiagnosisContext, name: str, scale: float) -> FreeNumber:
-    """A parameter of an effect as a free number, within its physical bounds."""
-    parameter = effect.parameter(name)
-    return FreeNumber(name, context.value(name), scale, parameter.lower, parameter.upper)
+    """A parameter of an effect as a free number, within its bounds for a search or up to the plant's own value."""
+    parameter, own = effect.parameter(name), context.value(name)
+    if parameter.search is None:
+        return FreeNumber(name, own, scale, parameter.lower, parameter.upper)
+    lower, upper = parameter.search
+    return FreeNumber(name, own, scale, min(lower, own), max(upper, own))
 
 
 def from_neutral(effect: Effect, context: DiagnosisContext, *others: FreeNumber) -> list[CandidateEffect]:
     """Candidates with the effect's first number, started near neutral: alone, and together with `others` if given."""
     first = effect.parameters[0]
-    lower, upper = first.search or (first.lower, first.upper)
-    free = (FreeNumber(first.name, context.value(first.name), first.scale, lower, upper),)
-    starts = starting_points(free, *((1.0, 8.0) if lower == 0.0 else (0.0,)))
+    free = (effect_number(effect, context, first.name, first.scale),)
+    starts = starting_points(free, *((1.0, 8.0) if free[0].lower == 0.0 else (0.0,)))
     found = [CandidateEffect(effect, free, starts)]
     if others:
         nominal = tuple(other.nominal for other in others)

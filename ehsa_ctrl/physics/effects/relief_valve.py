@@ -23,8 +23,8 @@ from ._effect import Effect, EffectParameter
 #: Lag of the poppet [s], and typical fall of the pressure at which it closes, in P_crack. Engineering judgement:
 #: direct-acting valves close at 85 to 95 % of the cracking pressure, within some milliseconds.
 POPPET, RESEAT = 3e-3, 0.07
-#: Largest flow over root of pressure [m3/(s Pa^0.5)], that of a bore of 21 mm. With more, the pressure is clamped as
-#: well, and the equations get so stiff that a simulation takes a hundred times as long.
+#: Largest flow over root of pressure [m3/(s Pa^0.5)] that is searched, that of a bore of 21 mm. With more, the pressure
+#: is clamped as well, and the equations get so stiff that a simulation takes a hundred times as long.
 WIDEST = 1e-5
 
 
@@ -90,7 +90,9 @@ effect = Effect(
         EffectParameter("P_crack", "Pa", "cracking pressure, gauge", inf, 210e5, 0.0, source="datasheet"),
         EffectParameter("P_cross", "Pa", "cracking difference between the ports", inf, inf, 0.0),
         EffectParameter("P_open_range", "Pa", "rise from cracking to fully open", 10e5, 10e5, 1e4),
-        EffectParameter("K_relief", "m3/(s Pa^0.5)", "flow over root of pressure, fully open", 1e-7, 1e-7, 0.0, WIDEST),
+        EffectParameter(
+            "K_relief", "m3/(s Pa^0.5)", "flow over root of pressure, fully open", 1e-7, 1e-7, 0.0, search=(0.0, WIDEST)
+        ),
     ),
     candidates=candidates,
 )
