@@ -74,6 +74,18 @@ def test_slips_that_no_model_predicts_do_not_hide_a_law():
     assert not found(6000.0, (0.025, 0.027), without=(0.047, 0.047), floors=({}, {}))
 
 
+def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():
+    """A valve that opens for a few samples: both deviances are below that of noise, the law's a little lower."""
+    plant = N(fit=N(candidates=()))
+
+    def found(deviance, gaps):
+        alone = tried_law("flows", plant, deviance, gaps, (0.184, 0.233), 2023.0)
+        return laws_of_best([alone], alone.without, Reference(2179.0, 2045.0, 0.2, 1.0)) == [alone]
+
+    assert found(1804.0, (0.001, 0.001))
+    assert not found(1804.0, (0.001, 0.2)) and not found(2030.0, (0.001, 0.001))
+
+
 def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_to():
     """Five effects with a brake of 0.03 N m: their numbers follow the training data, and the brake alone both parts."""
     effects = N(fit=N(candidates=("motor_friction", "torque_constant", "drive_dead_band")))

@@ -414,8 +414,9 @@ def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: 
     speed that imitated an error of the position sensor left half of the gap, and 1.2 of the deviance.
     """
     gaps, before = (_beyond_floor(_total_gaps(one), reference) for one in (one, without))
-    less = reference.unexplained(one) < BETTER * reference.unexplained(without)
-    return less and all(np.less_equal(gaps, BETTER * before))
+    # Where neither leaves more than noise, as beside a valve that opens for a few samples, the gaps tell.
+    unexplained = reference.unexplained(one) <= BETTER * reference.unexplained(without)
+    return unexplained and one.deviance < without.deviance and all(np.less_equal(gaps, BETTER * before))
 
 
 def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
