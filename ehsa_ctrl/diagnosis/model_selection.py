@@ -127,6 +127,12 @@ class Reference:
         pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
         return max(largest_beyond(gaps, floor) for gaps, floor in pairs)
 
+    def beyond_floor(self, one: ScoredHypothesis) -> tuple[float, float]:
+        """Gap in total on training and held-out data, with the floor of each subtracted in quadrature."""
+        pairs = zip((one.training_gap, one.held_out_gap), self.floors, strict=True)
+        found = [max(gaps["total"] ** 2 - floor.get("total", 0.0) ** 2, 0.0) ** 0.5 for gaps, floor in pairs]
+        return found[0], found[1]
+
     def is_relevant(
         self, before: Mapping[str, float], after: Mapping[str, float], floor: Mapping[str, float] | None = None
     ) -> bool:
@@ -206,8 +212,7 @@ def _select_simplest(ranked: Sequence[ScoredHypothesis], chosen: ScoredHypothesi
 
 def _misfit(chosen: ScoredHypothesis, reference: Reference) -> float:
     """See `Selection.misfit`."""
-    gap_left = float(np.sqrt(max(chosen.training_gap["total"] ** 2 - reference.floors[0].get("total", 0.0) ** 2, 0.0)))
-    left = gap_left / max(reference.training_gap, 1e-9)
+    left = reference.beyond_floor(chosen)[0] / max(reference.training_gap, 1e-9)
     excess = chosen.fit.rms**2 - reference.noise_square
     low_frequency = (
         min(s.share / a, s.rms / b)

@@ -413,10 +413,11 @@ def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: 
     little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
     speed that imitated an error of the position sensor left half of the gap, and 1.2 of the deviance.
     """
-    gaps, before = (_beyond_floor(_total_gaps(one), reference) for one in (one, without))
+    gaps = zip(reference.beyond_floor(one), reference.beyond_floor(without), strict=True)
     # Where neither leaves more than noise, as beside a valve that opens for a few samples, the gaps tell.
     unexplained = reference.unexplained(one) <= BETTER * reference.unexplained(without)
-    return unexplained and one.deviance < without.deviance and all(np.less_equal(gaps, BETTER * before))
+    less = all(after <= BETTER * before for after, before in gaps)
+    return less and unexplained and one.deviance < without.deviance
 
 
 def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
@@ -425,19 +426,8 @@ def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Refer
 
     Effects that imitate the law on the training data may leave there as little as it does, and with many numbers less.
     """
-    after, before = _total_gaps(one), _total_gaps(without)
-    left, left_before = (_beyond_floor(gaps, reference)[1] for gaps in (after, before))
-    ahead = left <= left_before and one.deviance < without.deviance - reference.margin(one)
-    better = after[1] < BETTER * before[1] or ahead
-    return bool(better) and not reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
-
-
-def _total_gaps(one: ScoredHypothesis) -> np.ndarray:
-    """Gaps in total (2,) on training and held-out data."""
-    return np.array([one.training_gap["total"], one.held_out_gap["total"]])
-
-
-def _beyond_floor(gaps: np.ndarray, reference: Reference) -> np.ndarray:
-    """Gaps in total (2,) with the floor of each subtracted in quadrature."""
-    floors = np.array([floor.get("total", 0.0) for floor in reference.floors])
-    return np.sqrt(np.maximum(gaps**2 - floors**2, 0.0))
+    clearly = one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
+    no_more = reference.beyond_floor(one)[1] <= reference.beyond_floor(without)[1]
+    ahead = no_more and one.deviance < without.deviance - reference.margin(one)
+    more = reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
+    return (clearly or ahead) and not more
