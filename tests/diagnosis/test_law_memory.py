@@ -15,7 +15,7 @@ from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
-from ehsa_ctrl.diagnosis.law.memory import FORGETS, clock, lag, late_direction, over_time, resonance, slip, turn
+from ehsa_ctrl.diagnosis.law.memory import SETS_BACK, clock, lag, over_time, resonance, reversal, slip, turn
 from ehsa_ctrl.diagnosis.law.memory_terms import _friction
 from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
@@ -102,33 +102,43 @@ def test_the_course_of_a_memory_has_its_closed_form():
     assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
 
 
-def test_friction_that_forgets_begins_at_zero_with_each_reversal():
-    """Reversal after 0.1 s of tau = 0.3 s: the rest goes 50 times as fast, and the other direction begins at zero."""
-    t = 0.0005 * np.arange(1000)
-    known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, 0.0))}
-    late = late_direction("d", forgets=True).course(known, {"tau": 0.3}, 0.0005, [0])["memory"]
-    before = 1.0 - np.exp(-0.1 / 0.3)
-    rate = (1.0 + FORGETS) / 0.3
-    over = np.log1p((1.0 + FORGETS) * before) / rate
-    left = np.where(t < 0.1 + over, (before * (1.0 + FORGETS) + 1.0) * np.exp(-rate * (t - 0.1)) - 1.0, 0.0)
-    fresh = np.exp(-(np.minimum(t, 0.4) - 0.1 - over) / 0.3) - 1.0
+def test_what_a_direction_lacks_comes_back_with_motion_in_the_other():
+    """tau = 0.3 s; reversals after 0.1 and 0.4 s, rest from 0.5 s: nothing before the first reversal, nearly all at the
+    second, and at rest nothing changes."""
+    t = 0.0005 * np.arange(1200)
+    known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, np.where(t < 0.5, 1.0, 0.0)))}
+    of = reversal("d", SETS_BACK).course(known, {"tau": 0.3}, 0.0005, [0])
+    sets_back = 1.0 - np.exp(-SETS_BACK * (t - 0.1) / 0.3)
+    decays = (1.0 - np.exp(-SETS_BACK)) * np.exp(-(np.minimum(t, 0.5) - 0.4) / 0.3)
+    in_positive = np.where(t <= 0.1, 0.0, np.where(t <= 0.4, sets_back, decays))
 
-    assert late == pytest.approx(
-        np.where(t <= 0.1, 1.0 - np.exp(-t / 0.3), np.where(t < 0.1 + over, left / (1.0 + FORGETS), fresh)), abs=1e-9
-    )
+    assert of["memory"] == pytest.approx(in_positive, abs=1e-9)
+    assert of["second_memory"][t <= 0.1] == pytest.approx(1.0 - np.exp(-SETS_BACK * t[t <= 0.1] / 0.3), abs=1e-9)
+
+
+def test_what_follows_a_direction_late_lacks_the_rest_of_the_other():
+    """Set back no faster than it decays, it is half of what a first-order lag of the direction lacks, from a settled
+    start; the other direction lacks the rest."""
+    d = np.repeat([1.0, -1.0, 1.0, -1.0], 300)
+    of = reversal("d", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])
+    late = lag("d", "1", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])["memory"]
+
+    settled = slice(300, None)
+    assert (of["memory"] + of["second_memory"])[settled] == pytest.approx(1.0, abs=0.06)
+    assert of["memory"][600:900] == pytest.approx(0.5 * (1.0 - late[600:900]), abs=0.03)
 
 
 def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
     standstill between them is no motion."""
     rod = plant.structure.system.all_contacts[1]
-    term = next(t for t in _friction(rod, {"d_R": TIME}) if "abs" in t.text)
+    term = next(t for t in _friction(rod, {"d_R": TIME}) if f"{SETS_BACK:g} *" in t.memory.rates["memory"])
     file = LawFile.model_validate(
         {
             "schema": 1, "status": "proposed", "summary": "late", "adds_to": "force",
             "expression": f"c_1 * {term.text}",
             "parameters": {"c_1": {"value": -230.0, "unit": "N", "neutral": 0.0}, "tau": {"value": 0.3, "unit": "s"}},
-            "states": {"memory": {"rate": term.memory.rates["memory"], "unit": "1", "scale": 1.0}},
+            "states": {name: {"rate": rate, "unit": "1", "scale": 1.0} for name, rate in term.memory.rates.items()},
         }
     )  # fmt: skip
     EFFECTS.keep("late_friction", effect_of("late_friction", file, "a test"))
@@ -183,7 +193,7 @@ def test_the_mean_of_a_memory_over_a_sample():
     for memory, shapes in (
         (lag("u", "1", 1.0), {"tau": 0.003}),
         (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
-        (late_direction("sign(u)", forgets=True), {"tau": 0.03}),
+        (reversal("sign(u)", SETS_BACK), {"tau": 0.03}),
     ):
         mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
         fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]

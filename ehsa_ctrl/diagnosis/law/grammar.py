@@ -178,9 +178,11 @@ class Grammar:
         friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
         resists = 1.0 if ADDENDS[name].sign == "-" else -1.0
         speed = known[contact.velocity]
+        # At the ends of a log the fit of the direction may have the sign of the noise.
+        alike = known[contact.direction] * speed > 0.0
         return replace(
             plain, direction=contact.direction, speed=speed, friction=friction, resists=resists,
-            slides=1.0 * (signals.slides[contact.name][:-1] & _beyond_ringing(speed)),
+            slides=1.0 * (signals.slides[contact.name][:-1] & alike & _beyond_ringing(speed)),
         )  # fmt: skip
 
     @property

@@ -1,8 +1,8 @@
 """What a law may remember: the running time, an angle, a lag, a hysteresis, a resonance.
 
-A memory is one or two states of an effect. The rates of two are linear in them; that of one may have another slope
-where the state is negative. Their course along a log is exact for signals that are held over each sample. What only
-adds up, as an angle, takes them as lines between samples.
+A memory is one or two states of an effect. Each rate is linear in its own state, with another slope where the state is
+negative; rates of two that depend on each other are linear with constant slopes. Their course along a log is exact for
+signals that are held over each sample. What only adds up, as an angle, takes them as lines between samples.
 
 Sources: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-0158(3107-18)-1, 1968 (hysteresis over the
 travelled distance).
@@ -25,9 +25,10 @@ from ...core.linear_recursion import linear_recursion
 LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
 #: Time constants of an acceleration [s], and what it is called in results.
 QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
-#: Ratio of the time constant of a late direction to that with which the other direction decays: 50 takes it away in
-#: 8 % of the time constant, and is not too stiff for a simulation. Engineering judgement.
-FORGETS = 50.0
+#: Ratio of the time constant of friction that begins anew at a reversal to that with which motion in the other
+#: direction sets it back: 50 does so in 8 % of the time constant, and is not too stiff for a simulation. Engineering
+#: judgement.
+SETS_BACK = 50.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
 #: Natural frequencies [rad/s] and damping ratios of a resonance; at the larger one neighbouring peaks overlap.
@@ -35,8 +36,8 @@ RESONANCES, DAMPINGS = (30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0, 340.0), (0.
 #: Waves over the shaft angle: periods per turn.
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
 
-#: Local name of a state in terms and rates; a second one has the rate of the first.
-STATE, RATE = "memory", "memory_rate"
+#: Local names of a state in terms and rates, and of a second one.
+STATE, SECOND = "memory", "second_memory"
 #: What goes towards an end value with the running time; long before its time constant tau it is STATE / tau.
 TOWARDS_END = f"(1 - exp(-{STATE} / tau))"
 
@@ -77,8 +78,8 @@ class Memory:
             return sign * np.stack([end - rest for end in ends], axis=2)
 
         rest = at(dict.fromkeys(names, 0.0))
-        above = slopes(1.0)
-        below = slopes(-1.0) if len(names) == 1 else above
+        above, below = slopes(1.0), slopes(-1.0)
+        apart = not (above * (1.0 - np.eye(len(names)))).any()
         out = np.zeros((size, len(names)))
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
@@ -86,9 +87,10 @@ class Memory:
             if not above.any():
                 # Held over a sample of 4 ms, 300 rad/s would put the angle 0.6 rad off.
                 rest[part] = 0.5 * (rest[part] + np.vstack([rest[part][1:], rest[part][-1:]]))
-            if len(names) == 1:
-                course, means = _of_one(below[part, 0, 0], above[part, 0, 0], rest[part, 0], sample_time)
-                out[part, 0] = means if mean else course
+            if apart:
+                for i in range(len(names)):
+                    course, means = _of_one(below[part, i, i], above[part, i, i], rest[part, i], sample_time)
+                    out[part, i] = means if mean else course
             else:
                 out[part] = _of_several(above[part], rest[part], sample_time, mean=mean)
         return dict(zip(names, out.T, strict=True))
@@ -170,14 +172,18 @@ def lag(of: str, unit: str, size: float) -> Memory:
     return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
 
 
-def late_direction(direction: str, *, forgets: bool) -> Memory:
-    """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
+def reversal(direction: str, sets_back: float) -> Memory:
+    """What each direction of a contact lacks of its level: a share that decays with the time constant tau of motion in
+    that direction, and that motion in the other one brings back, `sets_back` times as fast.
 
-    forgets: it begins near zero after each reversal, whatever was before: the rest of the other direction decays about
-    FORGETS times as fast.
+    Both are zero at the start: whatever the contact did before a log, it has settled since.
     """
-    away = f" + {FORGETS:g} * {direction} * max(-{direction} * {STATE}, 0)" if forgets else ""
-    return Memory({STATE: f"({direction} - {STATE}{away}) / tau * abs({direction})"}, {STATE: "1"}, {STATE: 1.0})
+    own, other = f"max({direction}, 0)", f"max(-{direction}, 0)"
+    rates = {
+        name: f"({sets_back:g} * (1 - {name}) * {away} - {name} * {towards}) / tau"
+        for name, towards, away in ((STATE, own, other), (SECOND, other, own))
+    }
+    return Memory(rates, dict.fromkeys(rates, "1"), dict.fromkeys(rates, 1.0))
 
 
 def slip(speed: str, unit: str, size: float) -> Memory:
@@ -187,9 +193,9 @@ def slip(speed: str, unit: str, size: float) -> Memory:
 
 def resonance(of: str, unit: str, size: float) -> Memory:
     """What follows a variable with a natural frequency and a damping ratio."""
-    rate = f"frequency**2 * ({of} - {STATE}) - 2 * damping * frequency * {RATE}"
-    scales = {STATE: max(size, 1e-300), RATE: max(size, 1e-300) * RESONANCES[0]}
-    return Memory({STATE: RATE, RATE: rate}, {STATE: unit, RATE: f"{unit}/s"}, scales)
+    rate = f"frequency**2 * ({of} - {STATE}) - 2 * damping * frequency * {SECOND}"
+    scales = {STATE: max(size, 1e-300), SECOND: max(size, 1e-300) * RESONANCES[0]}
+    return Memory({STATE: SECOND, SECOND: rate}, {STATE: unit, SECOND: f"{unit}/s"}, scales)
 
 
 def over_time(bases: Mapping[str, tuple[str, ...]], seconds: float) -> Iterator[MemoryTerm]:

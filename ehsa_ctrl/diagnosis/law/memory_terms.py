@@ -17,15 +17,17 @@ from .memory import (
     LAGS,
     QUICK,
     RESONANCES,
+    SECOND,
+    SETS_BACK,
     SLIPS,
     SLOW_SHARES,
     STATE,
     MemoryTerm,
     following,
-    late_direction,
     over_angle,
     over_time,
     resonance,
+    reversal,
     slip,
 )
 
@@ -75,16 +77,17 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
 
 
 def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
-    """Dry friction that follows a reversal late, from what it was or anew."""
+    """Dry friction that each direction lacks until the contact has moved some time: from what it was at the reversal,
+    or anew."""
     d = contact.direction
     if d not in known:
         return
-    # With a short time constant both are alike. What begins anew has its full level until the contact moves.
+    lacks = f"(max({d}, 0) * {STATE} - max(-{d}, 0) * {SECOND})"
+    # With a short time constant both are alike.
     anew = [tau for tau in LAGS if tau > QUICK[0]]
-    for forgets, text, taus in ((False, f"({d} - {STATE})", LAGS), (True, f"{d} * (1 - abs({STATE}))", anew)):
-        memory = late_direction(d, forgets=forgets)
+    for sets_back, taus in ((1.0, LAGS), (SETS_BACK, anew)):
         for tau in taus:
-            yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
+            yield MemoryTerm(lacks, reversal(d, sets_back), {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
