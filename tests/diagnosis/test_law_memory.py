@@ -15,7 +15,7 @@ from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
-from ehsa_ctrl.diagnosis.law.memory import SETS_BACK, clock, lag, over_time, resonance, reversal, slip, turn
+from ehsa_ctrl.diagnosis.law.memory import SETS_BACK, clock, lag, over_time, resonance, settling, slip, turn, unsettled
 from ehsa_ctrl.diagnosis.law.memory_terms import _friction
 from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
@@ -107,7 +107,7 @@ def test_what_a_direction_lacks_comes_back_with_motion_in_the_other():
     second, and at rest nothing changes."""
     t = 0.0005 * np.arange(1200)
     known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, np.where(t < 0.5, 1.0, 0.0)))}
-    of = reversal("d", SETS_BACK).course(known, {"tau": 0.3}, 0.0005, [0])
+    of = settling("d", SETS_BACK).course(known, {"tau": 0.3}, 0.0005, [0])
     sets_back = 1.0 - np.exp(-SETS_BACK * (t - 0.1) / 0.3)
     decays = (1.0 - np.exp(-SETS_BACK)) * np.exp(-(np.minimum(t, 0.5) - 0.4) / 0.3)
     in_positive = np.where(t <= 0.1, 0.0, np.where(t <= 0.4, sets_back, decays))
@@ -116,11 +116,24 @@ def test_what_a_direction_lacks_comes_back_with_motion_in_the_other():
     assert of["second_memory"][t <= 0.1] == pytest.approx(1.0 - np.exp(-SETS_BACK * t[t <= 0.1] / 0.3), abs=1e-9)
 
 
+def test_a_log_may_begin_just_after_a_reversal():
+    """The direction of the first motion is far from its level then; after the next two reversals nothing differs."""
+    d = np.repeat([-1.0, 1.0, -1.0], 300)
+    far = settling("d", SETS_BACK).course({"d": d}, {"tau": 0.1}, 0.001, [0])
+    near = unsettled("d", SETS_BACK).course({"d": d}, {"tau": 0.1}, 0.001, [0])
+    t = 0.001 * np.arange(300)
+
+    assert near["second_memory"][:300] == pytest.approx(1.0 - np.exp(-t / 0.1), abs=1e-9)
+    assert not far["second_memory"][:300].any()
+    for name in ("memory", "second_memory"):
+        assert near[name][600:] == pytest.approx(1.0 - far[name][600:], abs=1e-6)
+
+
 def test_what_follows_a_direction_late_lacks_the_rest_of_the_other():
     """Set back no faster than it decays, it is half of what a first-order lag of the direction lacks, from a settled
     start; the other direction lacks the rest."""
     d = np.repeat([1.0, -1.0, 1.0, -1.0], 300)
-    of = reversal("d", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])
+    of = settling("d", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])
     late = lag("d", "1", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])["memory"]
 
     settled = slice(300, None)
@@ -132,7 +145,7 @@ def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
     standstill between them is no motion."""
     rod = plant.structure.system.all_contacts[1]
-    term = next(t for t in _friction(rod, {"d_R": TIME}) if f"{SETS_BACK:g} *" in t.memory.rates["memory"])
+    term = next(t for t in _friction(rod, {"d_R": TIME}) if t.memory.rates == settling("d_R", SETS_BACK).rates)
     file = LawFile.model_validate(
         {
             "schema": 1, "status": "proposed", "summary": "late", "adds_to": "force",
@@ -193,7 +206,7 @@ def test_the_mean_of_a_memory_over_a_sample():
     for memory, shapes in (
         (lag("u", "1", 1.0), {"tau": 0.003}),
         (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
-        (reversal("sign(u)", SETS_BACK), {"tau": 0.03}),
+        (settling("sign(u)", SETS_BACK), {"tau": 0.03}),
     ):
         mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
         fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]

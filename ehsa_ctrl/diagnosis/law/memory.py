@@ -172,16 +172,24 @@ def lag(of: str, unit: str, size: float) -> Memory:
     return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
 
 
-def reversal(direction: str, sets_back: float) -> Memory:
-    """What each direction of a contact lacks of its level: a share that decays with the time constant tau of motion in
-    that direction, and that motion in the other one brings back, `sets_back` times as fast.
-
-    Both are zero at the start: whatever the contact did before a log, it has settled since.
+def settling(direction: str, sets_back: float) -> Memory:
+    """How far each direction of a contact is from its level: a share that decays with the time constant tau of motion
+    in that direction, and that motion in the other one brings back, `sets_back` times as fast. Settled at the start.
     """
+    return _by_direction(direction, f"{sets_back:g} * (1 - {{state}})", "-{state}")
+
+
+def unsettled(direction: str, sets_back: float) -> Memory:
+    """The same for a contact that has just reversed when the log begins: how near each direction is to its level."""
+    return _by_direction(direction, f"-{sets_back:g} * {{state}}", "(1 - {state})")
+
+
+def _by_direction(direction: str, away: str, towards: str) -> Memory:
+    """A state for each direction. away, towards: its rate with motion in the other direction and in its own."""
     own, other = f"max({direction}, 0)", f"max(-{direction}, 0)"
     rates = {
-        name: f"({sets_back:g} * (1 - {name}) * {away} - {name} * {towards}) / tau"
-        for name, towards, away in ((STATE, own, other), (SECOND, other, own))
+        name: f"({away.format(state=name)} * {b} + {towards.format(state=name)} * {a}) / tau"
+        for name, a, b in ((STATE, own, other), (SECOND, other, own))
     }
     return Memory(rates, dict.fromkeys(rates, "1"), dict.fromkeys(rates, 1.0))
 

@@ -27,8 +27,9 @@ from .memory import (
     over_angle,
     over_time,
     resonance,
-    reversal,
+    settling,
     slip,
+    unsettled,
 )
 
 Known = Mapping[str, np.ndarray]
@@ -78,16 +79,17 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
 
 def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     """Dry friction that each direction lacks until the contact has moved some time: from what it was at the reversal,
-    or anew."""
+    or anew. A log may begin soon after a reversal or long after."""
     d = contact.direction
     if d not in known:
         return
-    lacks = f"(max({d}, 0) * {STATE} - max(-{d}, 0) * {SECOND})"
     # With a short time constant both are alike.
     anew = [tau for tau in LAGS if tau > QUICK[0]]
     for sets_back, taus in ((1.0, LAGS), (SETS_BACK, anew)):
-        for tau in taus:
-            yield MemoryTerm(lacks, reversal(d, sets_back), {"tau": tau}, {"tau": "s"}, ("reversal",))
+        for memory, lacks in ((settling(d, sets_back), "{}"), (unsettled(d, sets_back), "(1 - {})")):
+            text = f"(max({d}, 0) * {lacks.format(STATE)} - max(-{d}, 0) * {lacks.format(SECOND)})"
+            for tau in taus:
+                yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
