@@ -74,6 +74,20 @@ def test_slips_that_no_model_predicts_do_not_hide_a_law():
     assert not found(6000.0, (0.025, 0.027), without=(0.047, 0.047), floors=({}, {}))
 
 
+def test_a_slip_in_the_held_out_data_does_not_hide_a_law_that_leaves_little():
+    """A tenth of the deviance and a sixth of the training gap, but one stop later in the held-out data."""
+    plant = N(fit=N(candidates=()))
+
+    def found(deviance, gaps, before=6862.0):
+        alone = tried_law("force", plant, deviance, gaps, (0.0393, 0.0543), before)
+        return laws_of_best([alone], alone.without, Reference(1975.0, 16731.0, 0.07, 1.0)) == [alone]
+
+    assert found(2485.0, (0.0066, 0.0402))
+    assert not found(2485.0, (0.0066, 0.0550)) and not found(3230.0, (0.0066, 0.0402))
+    # At noise a small share of the deviance says nothing.
+    assert not found(1980.0, (0.0066, 0.0402), before=2020.0)
+
+
 def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():
     """A valve that opens for a few samples: both deviances are below that of noise, the law's a little lower."""
     plant = N(fit=N(candidates=()))

@@ -176,21 +176,19 @@ def settling(direction: str, sets_back: float) -> Memory:
     """How far each direction of a contact is from its level: a share that decays with the time constant tau of motion
     in that direction, and that motion in the other one brings back, `sets_back` times as fast. Settled at the start.
     """
-    return _by_direction(direction, f"{sets_back:g} * (1 - {{state}})", "-{state}")
+    return _by_direction(direction, f"{sets_back:g} * (1 - {{state}}) * {{other}} - {{state}} * {{own}}")
 
 
 def unsettled(direction: str, sets_back: float) -> Memory:
     """The same for a contact that has just reversed when the log begins: how near each direction is to its level."""
-    return _by_direction(direction, f"-{sets_back:g} * {{state}}", "(1 - {state})")
+    return _by_direction(direction, f"(1 - {{state}}) * {{own}} - {sets_back:g} * {{state}} * {{other}}")
 
 
-def _by_direction(direction: str, away: str, towards: str) -> Memory:
-    """A state for each direction. away, towards: its rate with motion in the other direction and in its own."""
-    own, other = f"max({direction}, 0)", f"max(-{direction}, 0)"
-    rates = {
-        name: f"({away.format(state=name)} * {b} + {towards.format(state=name)} * {a}) / tau"
-        for name, a, b in ((STATE, own, other), (SECOND, other, own))
-    }
+def _by_direction(direction: str, rate: str) -> Memory:
+    """A state for each direction. rate: times tau, by the state and the motion in its own direction and the other."""
+    ways = f"max({direction}, 0)", f"max(-{direction}, 0)"
+    pairs = (STATE, ways), (SECOND, ways[::-1])
+    rates = {name: f"({rate.format(state=name, own=own, other=other)}) / tau" for name, (own, other) in pairs}
     return Memory(rates, dict.fromkeys(rates, "1"), dict.fromkeys(rates, 1.0))
 
 
