@@ -84,8 +84,9 @@ def test_a_slip_in_the_held_out_data_does_not_hide_a_law_that_leaves_little():
 
     assert found(2485.0, (0.0066, 0.0402))
     assert not found(2485.0, (0.0066, 0.0550)) and not found(3230.0, (0.0066, 0.0402))
+    assert not found(2485.0, (0.0300, 0.0402))
     # At noise a small share of the deviance says nothing.
-    assert not found(1980.0, (0.0066, 0.0402), before=2020.0)
+    assert not found(1980.0, (0.0066, 0.0402), before=2020.0) and not found(1700.0, (0.0066, 0.0402), before=1970.0)
 
 
 def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():

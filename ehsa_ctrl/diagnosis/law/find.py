@@ -41,7 +41,7 @@ FAR, FAR_HELD = 2.0, 8.0
 #: terms takes the place of SIMPLER causes at least. Five causes stood for a leak in one direction, which is one term;
 #: on a measured record three terms leave a third of what the carriage's three published causes do, and replace nothing.
 FEW, SIMPLER = 2, 2
-#: A law that leaves this share of the deviance above noise is sure.
+#: Of a law that leaves this share of the deviance above noise, the held-out gap need only be no larger.
 SURE = 0.2
 
 
@@ -409,7 +409,7 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
 
 def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
     """Whether a law leaves clearly less than the hypothesis without it: of the deviance above noise, and of the gap
-    beyond the floor, on training and held-out data. One that leaves hardly any of the deviance must leave no more gap.
+    beyond the floor, on training and held-out data. One that leaves hardly any of the deviance must leave no more held-out gap.
 
     Where rod and spring stick, single slips make up most of the gap of any model, and the robust deviance gives them
     little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
@@ -417,9 +417,10 @@ def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: 
     """
     after, before = reference.unexplained(one), reference.unexplained(without)
     # One slip at another moment of the held-out data left the true law three quarters of the gap there.
-    sure = after <= SURE * before and one.deviance < without.deviance - reference.margin(one)
-    gaps = zip(reference.beyond_floor(one), reference.beyond_floor(without), strict=True)
-    less = all(left <= (1.0 if sure else BETTER) * gap for left, gap in gaps)
+    sure = before > reference.margin(one) and after <= SURE * before
+    limits = BETTER, 1.0 if sure else BETTER
+    gaps = zip(reference.beyond_floor(one), reference.beyond_floor(without), limits, strict=True)
+    less = all(left <= limit * gap for left, gap, limit in gaps)
     # Where neither leaves more than noise, as beside a valve that opens for a few samples, the gaps tell.
     return less and after <= BETTER * before and one.deviance < without.deviance
 
