@@ -409,7 +409,8 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
 
 def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
     """Whether a law leaves clearly less than the hypothesis without it: of the deviance above noise, and of the gap
-    beyond the floor, on training and held-out data. One that leaves hardly any of the deviance must leave no more held-out gap.
+    beyond the floor, on training and held-out data. One that leaves hardly any of the deviance must leave no more
+    held-out gap.
 
     Where rod and spring stick, single slips make up most of the gap of any model, and the robust deviance gives them
     little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
