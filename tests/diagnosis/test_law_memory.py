@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ from law_cases import TIME, case, with_memories
 from scipy.signal import lsim, lti
 
 import ehsa_ctrl as e
+from ehsa_ctrl.core.expression import Expression
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
-from ehsa_ctrl.diagnosis.law.memory import SETS_BACK, clock, lag, over_time, resonance, settling, slip, turn, unsettled
+from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, reversal, slip, turn
 from ehsa_ctrl.diagnosis.law.memory_terms import _friction
 from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
@@ -102,50 +104,56 @@ def test_the_course_of_a_memory_has_its_closed_form():
     assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
 
 
-def test_what_a_direction_lacks_comes_back_with_motion_in_the_other():
-    """tau = 0.3 s; reversals after 0.1 and 0.4 s, rest from 0.5 s: nothing before the first reversal, nearly all at the
-    second, and at rest nothing changes."""
-    t = 0.0005 * np.arange(1200)
-    known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, np.where(t < 0.5, 1.0, 0.0)))}
-    of = settling("d", SETS_BACK).course(known, {"tau": 0.3}, 0.0005, [0])
-    sets_back = 1.0 - np.exp(-SETS_BACK * (t - 0.1) / 0.3)
-    decays = (1.0 - np.exp(-SETS_BACK)) * np.exp(-(np.minimum(t, 0.5) - 0.4) / 0.3)
-    in_positive = np.where(t <= 0.1, 0.0, np.where(t <= 0.4, sets_back, decays))
-
-    assert of["memory"] == pytest.approx(in_positive, abs=1e-9)
-    assert of["second_memory"][t <= 0.1] == pytest.approx(1.0 - np.exp(-SETS_BACK * t[t <= 0.1] / 0.3), abs=1e-9)
+def lacking(d, dt, tau, *, anew, settled):
+    """(N,) of a term of late friction along a direction that is 1 or -1; the terms of a log whose first motion is in
+    the same direction."""
+    contact = SimpleNamespace(direction="d")
+    terms = [t for t in _friction(contact, {"d": d}) if t.shapes["tau"] == 0.1 and (len(t.memory.rates) > 1) == anew]
+    term = terms[settled != anew]
+    states = term.memory.course({"d": d}, {"tau": tau}, dt, [0])
+    return Expression.parse(term.text).values({"d": d, **states})
 
 
-def test_a_log_may_begin_just_after_a_reversal():
-    """The direction of the first motion is far from its level then; after the next two reversals nothing differs."""
-    d = np.repeat([-1.0, 1.0, -1.0], 300)
-    far = settling("d", SETS_BACK).course({"d": d}, {"tau": 0.1}, 0.001, [0])
-    near = unsettled("d", SETS_BACK).course({"d": d}, {"tau": 0.1}, 0.001, [0])
+def test_friction_that_begins_anew_lacks_a_share_that_decays_after_each_reversal():
+    """With motion of tau; reversals after 0.1 and 0.5 s. Settled, it lacks nothing before the first of them."""
+    t = 0.0002 * np.arange(5000)
+    d = np.where(t < 0.1, 1.0, np.where(t < 0.5, -1.0, 1.0))
+    settled, just_reversed = (lacking(d, 0.0002, 0.05, anew=True, settled=one) for one in (True, False))
+    since = np.where(t < 0.1, t, np.where(t < 0.5, t - 0.1, t - 0.5))
+    turned = since > 0.002
+
+    assert settled[t < 0.1] == pytest.approx(0.0, abs=1e-12)
+    assert settled[turned & (t > 0.1)] == pytest.approx((d * np.exp(-since / 0.05))[turned & (t > 0.1)], abs=2e-3)
+    assert just_reversed[turned] == pytest.approx((d * np.exp(-since / 0.05))[turned], abs=2e-3)
+
+
+def test_friction_at_the_break_away_is_that_before_a_reversal():
+    """In either direction, while the contact sticks; the direction of the last motion tells."""
+    moved = np.concatenate([np.repeat([1.0, -1.0], 500), np.zeros(10)])
+    term = next(t for t in _friction(SimpleNamespace(direction="d"), {"d": moved}) if len(t.memory.rates) == 3)
+    states = {n: y[-1:] for n, y in term.memory.course({"d": moved}, {"tau": 0.1}, 0.001, [0]).items()}
+    text = Expression.parse(term.text)
+
+    assert text.values({"d": np.array([1.0]), **states}) == 0.0
+    assert text.values({"d": np.array([-1.0]), **states})[0] == pytest.approx(-np.exp(-0.5 / 0.1), rel=0.02)
+
+
+def test_what_follows_a_direction_late_may_begin_settled():
+    """A first-order lag of the direction, from its end value or from zero."""
+    d = np.repeat([-1.0, 1.0], 300)
     t = 0.001 * np.arange(300)
+    settled, unsettled = (lacking(d, 0.001, 0.1, anew=False, settled=one) for one in (True, False))
 
-    assert near["second_memory"][:300] == pytest.approx(1.0 - np.exp(-t / 0.1), abs=1e-9)
-    assert not far["second_memory"][:300].any()
-    for name in ("memory", "second_memory"):
-        assert near[name][600:] == pytest.approx(1.0 - far[name][600:], abs=1e-6)
-
-
-def test_what_follows_a_direction_late_lacks_the_rest_of_the_other():
-    """Set back no faster than it decays, it is half of what a first-order lag of the direction lacks, from a settled
-    start; the other direction lacks the rest."""
-    d = np.repeat([1.0, -1.0, 1.0, -1.0], 300)
-    of = settling("d", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])
-    late = lag("d", "1", 1.0).course({"d": d}, {"tau": 0.1}, 0.001, [0])["memory"]
-
-    settled = slice(300, None)
-    assert (of["memory"] + of["second_memory"])[settled] == pytest.approx(1.0, abs=0.06)
-    assert of["memory"][600:900] == pytest.approx(0.5 * (1.0 - late[600:900]), abs=0.03)
+    assert settled[:300] == pytest.approx(0.0, abs=1e-12)
+    assert settled[300:] == pytest.approx(2.0 * np.exp(-t / 0.1), abs=1e-9)
+    assert unsettled[:300] == pytest.approx(-np.exp(-t / 0.1), abs=1e-9)
 
 
 def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
     standstill between them is no motion."""
     rod = plant.structure.system.all_contacts[1]
-    term = next(t for t in _friction(rod, {"d_R": TIME}) if t.memory.rates == settling("d_R", SETS_BACK).rates)
+    term = next(t for t in _friction(rod, {"d_R": TIME}) if len(t.memory.rates) == 3)
     file = LawFile.model_validate(
         {
             "schema": 1, "status": "proposed", "summary": "late", "adds_to": "force",
@@ -206,7 +214,7 @@ def test_the_mean_of_a_memory_over_a_sample():
     for memory, shapes in (
         (lag("u", "1", 1.0), {"tau": 0.003}),
         (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
-        (settling("sign(u)", SETS_BACK), {"tau": 0.03}),
+        (reversal("sign(u)", settled=True), {"tau": 0.03}),
     ):
         mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
         fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]

@@ -11,15 +11,15 @@ from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 
 
-def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0):
+def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0, terms=1):
     """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
 
     def scored(deviance, gaps):
         training, held_out = ({"speed": gap, "total": gap} for gap in gaps)
         return N(deviance=deviance, training_gap=training, held_out_gap=held_out)
 
-    law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place)))
-    return N(law=law, base=base, without=scored(deviance_without, without))
+    law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place), terms=range(terms)))
+    return N(law=law, base=base, without=scored(deviance_without, without), terms=terms)
 
 
 def test_effects_that_imitate_a_law_are_not_named_beside_it():
@@ -177,6 +177,27 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     assert [one.base.fit.candidates for one in best] == [(delay,)]
     # Beside no effect, the law that was found beside the delay is tried, and the one found beside the orifice.
     assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), (), ()]
+
+
+def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
+    """Of three terms one tells nothing; without either of the others the law leaves much more."""
+    deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
+
+    def law(terms):
+        found = tried_law("force", None, deviances[terms], (0.007, 0.01), (0.06, 0.11), terms=len(terms)).law
+        fewer = [terms.replace(one, "") for one in terms]
+        return N(**vars(found), others={}, refitted=N(with_one_term_less=fewer))
+
+    monkeypatch.setattr(find, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
+    rest = {"total": 0.06}
+    base = find.LawBase((), N(candidates=()))
+    first = find._Tried(law("abc"), base, N(training_gap=rest, held_out_gap=rest, deviance=3000.0), None, 0.0)
+    reference = Reference(0.0, 4000.0, 0.06, 1.0)
+
+    found = find._with_fewer_terms([first], first.without, None, reference, None)
+
+    assert find.laws_of_best(found, first.without, reference)[0].law.scored.deviance == 340.0
+    assert sorted(one.law.scored.deviance for one in found) == [300.0, 340.0, 800.0, 900.0, 2000.0, 2000.0]
 
 
 def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out():

@@ -83,6 +83,11 @@ class _Tried:
         return with_combined(values)[self.law.law.grammar.name]
 
     @property
+    def terms(self) -> int:
+        """Number of terms."""
+        return len(self.law.law.terms)
+
+    @property
     def evidence(self) -> float:
         """What the balance says of its terms, see `regression.evidence`."""
         return evidence(self.law.law, self.input.windows, self.input.nuisance)
@@ -144,6 +149,7 @@ def find_law(
     pairs = zip(bases, without, strict=True)
     tried = [one for base, own in pairs for one in _try(base, own, scoring, screening, most, left, pool)]
     tried = _with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
+    tried = _with_fewer_terms(tried, without[-1], scoring, reference, pool)
     return _select(tried, without[-1], reference)
 
 
@@ -244,6 +250,26 @@ def _without_effect(
     laws += refit_laws(_reduced(laws, [best.input]), scoring, fit, pool)
     base, without = base_of(fit), scoring.score(fit)
     return [replace(best, law=law, base=base, without=without) for law in laws]
+
+
+def _with_fewer_terms(
+    tried: Sequence[_Tried], last: ScoredHypothesis, scoring: Scoring, reference: Reference, pool: Pool
+) -> list[_Tried]:
+    """Laws with the best of them without one of its terms, as long as that is better. last: as in `laws_of_best`.
+
+    The regression takes terms that its errors need, and a free run does not.
+    """
+    tried = list(tried)
+    alike = laws_of_best(tried, last, reference)
+    better = bool(alike)
+    while better and alike[0].terms > 1:
+        best = alike[0]
+        laws = best.law.refitted.with_one_term_less
+        fewer = refit_laws(laws, scoring, best.base.fit, pool, [best.law.others] * len(laws))
+        tried += [replace(best, law=law) for law in fewer]
+        alike = laws_of_best(tried, last, reference)
+        better = alike[0] is not best
+    return tried
 
 
 def with_typical_priors(scoring: Scoring) -> Scoring:
@@ -401,10 +427,11 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
     if not good:
         return []
     good.sort(key=lambda one: one.law.scored.deviance)
-    # As in the selection of causes, each effect beside the law must lower the deviance by the margin.
+    # As in the selection of causes, each effect beside the law must lower the deviance by the margin, and each term.
     margin = reference.margin(good[0].law.scored)
-    best = min(good, key=lambda one: one.law.scored.deviance + margin * len(one.base.fit.candidates))
-    return [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
+    best = min(good, key=lambda one: one.law.scored.deviance + margin * (len(one.base.fit.candidates) + one.terms))
+    alike = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
+    return [one for one in alike if one.terms <= best.terms]
 
 
 def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:

@@ -1,7 +1,7 @@
 """What a law may remember: the running time, an angle, a lag, a hysteresis, a resonance.
 
-A memory is one or two states of an effect. Each rate is linear in its own state, with another slope where the state is
-negative; rates of two that depend on each other are linear with constant slopes. Their course along a log is exact for
+A memory is one to three states of an effect. Each rate is linear in its own state, with another slope where the state
+is negative; rates that depend on each other are linear with constant slopes. Their course along a log is exact for
 signals that are held over each sample. What only adds up, as an angle, takes them as lines between samples.
 
 Sources: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-0158(3107-18)-1, 1968 (hysteresis over the
@@ -25,10 +25,10 @@ from ...core.linear_recursion import linear_recursion
 LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
 #: Time constants of an acceleration [s], and what it is called in results.
 QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
-#: Ratio of the time constant of friction that begins anew at a reversal to that with which motion in the other
-#: direction sets it back: 50 does so in 8 % of the time constant, and is not too stiff for a simulation. Engineering
-#: judgement.
-SETS_BACK = 50.0
+#: Ratios of the time constant of friction that begins anew at a reversal to those with which motion turns the last
+#: direction, and with which motion in one direction sets back the other: friction is that before a reversal until the
+#: contact has moved for 0.2 % of the time constant, and 8 % set it back. Engineering judgement.
+TURNS, SETS_BACK = 400.0, 50.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
 #: Natural frequencies [rad/s] and damping ratios of a resonance; at the larger one neighbouring peaks overlap.
@@ -36,8 +36,8 @@ RESONANCES, DAMPINGS = (30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0, 340.0), (0.
 #: Waves over the shaft angle: periods per turn.
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
 
-#: Local names of a state in terms and rates, and of a second one.
-STATE, SECOND = "memory", "second_memory"
+#: Local names of a state in terms and rates, of a second and of a third one.
+STATE, SECOND, THIRD = "memory", "second_memory", "third_memory"
 #: What goes towards an end value with the running time; long before its time constant tau it is STATE / tau.
 TOWARDS_END = f"(1 - exp(-{STATE} / tau))"
 
@@ -87,12 +87,12 @@ class Memory:
             if not above.any():
                 # Held over a sample of 4 ms, 300 rad/s would put the angle 0.6 rad off.
                 rest[part] = 0.5 * (rest[part] + np.vstack([rest[part][1:], rest[part][-1:]]))
-            if apart:
-                for i in range(len(names)):
-                    course, means = _of_one(below[part, i, i], above[part, i, i], rest[part, i], sample_time)
-                    out[part, i] = means if mean else course
-            else:
+            if not apart:
                 out[part] = _of_several(above[part], rest[part], sample_time, mean=mean)
+                continue
+            for i in range(len(names)):
+                course, means = _of_one(below[part, i, i], above[part, i, i], rest[part, i], sample_time)
+                out[part, i] = means if mean else course
         return dict(zip(names, out.T, strict=True))
 
 
@@ -172,23 +172,28 @@ def lag(of: str, unit: str, size: float) -> Memory:
     return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
 
 
-def settling(direction: str, sets_back: float) -> Memory:
-    """How far each direction of a contact is from its level: a share that decays with the time constant tau of motion
-    in that direction, and that motion in the other one brings back, `sets_back` times as fast. Settled at the start.
+def late_direction(direction: str, behind: str) -> Memory:
+    """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
+
+    behind: how far it is behind the direction, as an expression in both.
     """
-    return _by_direction(direction, f"{sets_back:g} * (1 - {{state}}) * {{other}} - {{state}} * {{own}}")
+    return Memory({STATE: f"{behind} / tau * abs({direction})"}, {STATE: "1"}, {STATE: 1.0})
 
 
-def unsettled(direction: str, sets_back: float) -> Memory:
-    """The same for a contact that has just reversed when the log begins: how near each direction is to its level."""
-    return _by_direction(direction, f"(1 - {{state}}) * {{own}} - {sets_back:g} * {{state}} * {{other}}")
+def reversal(direction: str, *, settled: bool) -> Memory:
+    """How far each direction of a contact is from its level, and the direction of its last motion.
 
-
-def _by_direction(direction: str, rate: str) -> Memory:
-    """A state for each direction. rate: times tau, by the state and the motion in its own direction and the other."""
-    ways = f"max({direction}, 0)", f"max(-{direction}, 0)"
-    pairs = (STATE, ways), (SECOND, ways[::-1])
-    rates = {name: f"({rate.format(state=name, own=own, other=other)}) / tau" for name, (own, other) in pairs}
+    Motion of the time constant tau brings a direction near its level, and sets back the other one. settled: the states
+    are what is lacking, so that nothing is at the start; else what is regained, so that the contact has just reversed.
+    """
+    own, other = f"max({direction}, 0)", f"max(-{direction}, 0)"
+    rate = "{sets_back:g} * (1 - {state}) * {other} - {state} * {own}"
+    if not settled:
+        rate = "(1 - {state}) * {own} - {sets_back:g} * {state} * {other}"
+    pairs = (STATE, own, other), (SECOND, other, own)
+    rates = {
+        name: f"({rate.format(state=name, own=a, other=b, sets_back=SETS_BACK)}) / tau" for name, a, b in pairs
+    } | {THIRD: f"{TURNS:g} * ({direction} - {THIRD}) / tau * abs({direction})"}
     return Memory(rates, dict.fromkeys(rates, "1"), dict.fromkeys(rates, 1.0))
 
 

@@ -18,18 +18,18 @@ from .memory import (
     QUICK,
     RESONANCES,
     SECOND,
-    SETS_BACK,
     SLIPS,
     SLOW_SHARES,
     STATE,
+    THIRD,
     MemoryTerm,
     following,
+    late_direction,
     over_angle,
     over_time,
     resonance,
-    settling,
+    reversal,
     slip,
-    unsettled,
 )
 
 Known = Mapping[str, np.ndarray]
@@ -78,18 +78,23 @@ def _of_motion(plant: Plant, place: str, known: Known, seconds: float) -> Iterat
 
 
 def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
-    """Dry friction that each direction lacks until the contact has moved some time: from what it was at the reversal,
-    or anew. A log may begin soon after a reversal or long after."""
+    """Dry friction that follows a reversal late, from what it was or anew. A log may begin soon after a reversal or
+    long after."""
     d = contact.direction
     if d not in known:
         return
-    # With a short time constant both are alike.
-    anew = [tau for tau in LAGS if tau > QUICK[0]]
-    for sets_back, taus in ((1.0, LAGS), (SETS_BACK, anew)):
-        for memory, lacks in ((settling(d, sets_back), "{}"), (unsettled(d, sets_back), "(1 - {})")):
-            text = f"(max({d}, 0) * {lacks.format(STATE)} - max(-{d}, 0) * {lacks.format(SECOND)})"
-            for tau in taus:
-                yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
+    first = float(known[d][np.argmax(known[d] != 0.0)])
+    for begins in dict.fromkeys(("", f" {'-' if first > 0.0 else '+'} 1" if first else "")):
+        behind = f"({d} - {STATE}{begins})"
+        for tau in LAGS:
+            yield MemoryTerm(behind, late_direction(d, behind), {"tau": tau}, {"tau": "s"}, ("reversal",))
+    for settled, lacks in ((True, "{}"), (False, "(1 - {})")):
+        ways = (f"max({sign}{d}, 0) * max({sign}{THIRD}, 0)" for sign in ("", "-"))
+        pairs = zip(ways, (STATE, SECOND), strict=True)
+        text = " - ".join(f"{way} * {lacks.format(name)}" for way, name in pairs)
+        # With a short time constant both are alike. What begins anew has its full level until the contact moves.
+        for tau in [tau for tau in LAGS if tau > QUICK[0]]:
+            yield MemoryTerm(f"({text})", reversal(d, settled=settled), {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:

@@ -70,6 +70,13 @@ class LawFit:
         return len(self.terms) + sum(len(term.shapes) for term in self.terms)
 
     @property
+    def with_one_term_less(self) -> list[LawFit]:
+        """The same sum without each of its terms."""
+        rows = list(zip(self.terms, self.factors, self.sd, strict=True))
+        columns = [zip(*(row for row in rows if row is not out), strict=True) for out in rows]
+        return [replace(self, terms=terms, factors=factors, sd=sd) for terms, factors, sd in columns]
+
+    @property
     def dissipates(self) -> bool:
         """Whether its friction, together with that of the plant, opposes the motion."""
         grammar = self.grammar
