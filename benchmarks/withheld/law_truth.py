@@ -61,7 +61,7 @@ OUTSIDE_TRUTHS = {
     "leak_growth": Truth(FLOWS, ("P_", "time"), _any("* c_m_")),
     "one_way_leak": Truth(FLOWS, ("(P_1 - P_2)",), _any("max((P_1 - P_2)", "abs((P_1 - P_2))")),
     "heat_droop": Truth(("torque",), ("current", "time"), _any("current * (1 - exp(", "current * c_m_")),
-    "memory": Truth(("force",), ("reversal",), _any("(d_R - c_m_", "(max(d_R, 0) * max(c_q_")),
+    "memory": Truth(("force",), ("reversal",), _any("(d_R - c_m_", "d_R * (1 - abs(c_m_")),
     "jam": Truth(("force",), ("time",), _any("d_R * 0.5 * (1 + tanh(")),
     "brake": Truth(("torque",), ("current",), _any("d_M * 0.5 * (1 + tanh(", "d_M * exp(-", "d_M * max(1 - ")),
     "drive_step": Truth(SHAFT, ("current",), _any("round(current")),

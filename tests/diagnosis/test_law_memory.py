@@ -2,7 +2,6 @@
 
 import inspect
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +16,17 @@ from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
-from ehsa_ctrl.diagnosis.law.memory import clock, lag, over_time, resonance, reversal, slip, turn
+from ehsa_ctrl.diagnosis.law.memory import (
+    FORGETS,
+    clock,
+    lacks,
+    lag,
+    late_direction,
+    over_time,
+    resonance,
+    slip,
+    turn,
+)
 from ehsa_ctrl.diagnosis.law.memory_terms import _friction
 from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
@@ -104,62 +113,49 @@ def test_the_course_of_a_memory_has_its_closed_form():
     assert held == pytest.approx(2e-3 * (1.0 - np.exp(-0.01 * t / 2e-3)), abs=1e-12)
 
 
-def lacking(d, dt, tau, *, anew, settled):
-    """(N,) of a term of late friction along a direction that is 1 or -1; the terms of a log whose first motion is in
-    the same direction."""
-    contact = SimpleNamespace(direction="d")
-    terms = [t for t in _friction(contact, {"d": d}) if t.shapes["tau"] == 0.1 and (len(t.memory.rates) > 1) == anew]
-    term = terms[settled != anew]
-    states = term.memory.course({"d": d}, {"tau": tau}, dt, [0])
-    return Expression.parse(term.text).values({"d": d, **states})
+def test_friction_that_forgets_begins_at_zero_with_each_reversal():
+    """Reversal after 0.1 s of tau = 0.3 s: the rest goes FORGETS times as fast,
+    and the other direction begins at zero."""
+    t = 0.0005 * np.arange(1000)
+    known = {"d": np.where(t < 0.1, 1.0, np.where(t < 0.4, -1.0, 0.0))}
+    late = late_direction("d", forgets=True).course(known, {"tau": 0.3}, 0.0005, [0])["memory"]
+    before = 1.0 - np.exp(-0.1 / 0.3)
+    rate = (1.0 + FORGETS) / 0.3
+    over = np.log1p((1.0 + FORGETS) * before) / rate
+    left = np.where(t < 0.1 + over, (before * (1.0 + FORGETS) + 1.0) * np.exp(-rate * (t - 0.1)) - 1.0, 0.0)
+    fresh = np.exp(-(np.minimum(t, 0.4) - 0.1 - over) / 0.3) - 1.0
+
+    assert late == pytest.approx(
+        np.where(t <= 0.1, 1.0 - np.exp(-t / 0.3), np.where(t < 0.1 + over, left / (1.0 + FORGETS), fresh)), abs=1e-9
+    )
 
 
-def test_friction_that_begins_anew_lacks_a_share_that_decays_after_each_reversal():
-    """With motion of tau; reversals after 0.1 and 0.5 s. Settled, it lacks nothing before the first of them."""
-    t = 0.0002 * np.arange(5000)
-    d = np.where(t < 0.1, 1.0, np.where(t < 0.5, -1.0, 1.0))
-    settled, just_reversed = (lacking(d, 0.0002, 0.05, anew=True, settled=one) for one in (True, False))
-    since = np.where(t < 0.1, t, np.where(t < 0.5, t - 0.1, t - 0.5))
-    turned = since > 0.002
+def test_friction_may_have_settled_before_the_log_begins():
+    """It lacks nothing in the direction of the first motion then, and later no more than after any reversal."""
+    d = np.repeat([-1.0, 1.0, -1.0], 400)
+    for forgets in (False, True):
+        of, text = (make("d", forgets=forgets, begins=-1.0) for make in (late_direction, lacks))
+        state = of.course({"d": d}, {"tau": 0.05}, 0.001, [0])
+        settled = Expression.parse(text).values({"d": d, **state})
+        of, text = (make("d", forgets=forgets) for make in (late_direction, lacks))
+        just_reversed = Expression.parse(text).values({"d": d, **of.course({"d": d}, {"tau": 0.05}, 0.001, [0])})
 
-    assert settled[t < 0.1] == pytest.approx(0.0, abs=1e-12)
-    assert settled[turned & (t > 0.1)] == pytest.approx((d * np.exp(-since / 0.05))[turned & (t > 0.1)], abs=2e-3)
-    assert just_reversed[turned] == pytest.approx((d * np.exp(-since / 0.05))[turned], abs=2e-3)
-
-
-def test_friction_at_the_break_away_is_that_before_a_reversal():
-    """In either direction, while the contact sticks; the direction of the last motion tells."""
-    moved = np.concatenate([np.repeat([1.0, -1.0], 500), np.zeros(10)])
-    term = next(t for t in _friction(SimpleNamespace(direction="d"), {"d": moved}) if len(t.memory.rates) == 3)
-    states = {n: y[-1:] for n, y in term.memory.course({"d": moved}, {"tau": 0.1}, 0.001, [0]).items()}
-    text = Expression.parse(term.text)
-
-    assert text.values({"d": np.array([1.0]), **states}) == 0.0
-    assert text.values({"d": np.array([-1.0]), **states})[0] == pytest.approx(-np.exp(-0.5 / 0.1), rel=0.02)
-
-
-def test_what_follows_a_direction_late_may_begin_settled():
-    """A first-order lag of the direction, from its end value or from zero."""
-    d = np.repeat([-1.0, 1.0], 300)
-    t = 0.001 * np.arange(300)
-    settled, unsettled = (lacking(d, 0.001, 0.1, anew=False, settled=one) for one in (True, False))
-
-    assert settled[:300] == pytest.approx(0.0, abs=1e-12)
-    assert settled[300:] == pytest.approx(2.0 * np.exp(-t / 0.1), abs=1e-9)
-    assert unsettled[:300] == pytest.approx(-np.exp(-t / 0.1), abs=1e-9)
+        assert settled[:400] == pytest.approx(0.0, abs=1e-12)
+        assert just_reversed[0] == -1.0
+        assert settled[400:] == pytest.approx(just_reversed[400:], abs=0.01)
 
 
 def test_friction_that_begins_anew_at_a_reversal_comes_back(plant):
     """Half of the friction with 0.3 s of motion after each reversal, in a log of short moves; the noise at the
     standstill between them is no motion."""
     rod = plant.structure.system.all_contacts[1]
-    term = next(t for t in _friction(rod, {"d_R": TIME}) if len(t.memory.rates) == 3)
+    term = next(t for t in _friction(rod, {"d_R": TIME}) if "abs" in t.text)
     file = LawFile.model_validate(
         {
             "schema": 1, "status": "proposed", "summary": "late", "adds_to": "force",
             "expression": f"c_1 * {term.text}",
             "parameters": {"c_1": {"value": -230.0, "unit": "N", "neutral": 0.0}, "tau": {"value": 0.3, "unit": "s"}},
-            "states": {name: {"rate": rate, "unit": "1", "scale": 1.0} for name, rate in term.memory.rates.items()},
+            "states": {"memory": {"rate": term.memory.rates["memory"], "unit": "1", "scale": 1.0}},
         }
     )  # fmt: skip
     EFFECTS.keep("late_friction", effect_of("late_friction", file, "a test"))
@@ -214,7 +210,7 @@ def test_the_mean_of_a_memory_over_a_sample():
     for memory, shapes in (
         (lag("u", "1", 1.0), {"tau": 0.003}),
         (resonance("u", "1", 1.0), {"frequency": 100.0, "damping": 0.2}),
-        (reversal("sign(u)", settled=True), {"tau": 0.03}),
+        (late_direction("sign(u)", forgets=True), {"tau": 0.03}),
     ):
         mean = memory.course({"u": steps}, shapes, 0.004, [0], mean=True)["memory"]
         fine = memory.course({"u": np.repeat(steps, 200)}, shapes, 2e-5, [0])["memory"]

@@ -19,7 +19,7 @@ from ..refit import HypothesisFit, refit, stated_sd
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
 from .grammar import Term
-from .memory import SECOND, STATE, THIRD, TOWARDS_END
+from .memory import RATE, STATE, TOWARDS_END
 from .regression import STABLE, LawFit
 
 #: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
@@ -29,7 +29,7 @@ AT_BOUND = 0.99
 #: A width may change by this factor, a location by this share of the variable's range. Engineering judgement.
 WIDER, FARTHER = 5.0, 0.5
 #: Local name of a state of a term -> what it is called in the definition, between a prefix and a number.
-STATES = {STATE: "m", SECOND: "w", THIRD: "q"}
+STATES = {STATE: "m", RATE: "w"}
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """What a law may remember: the running time, an angle, a lag, a hysteresis, a resonance.
 
-A memory is one to three states of an effect. Each rate is linear in its own state, with another slope where the state
-is negative; rates that depend on each other are linear with constant slopes. Their course along a log is exact for
-signals that are held over each sample. What only adds up, as an angle, takes them as lines between samples.
+A memory is one or two states of an effect. The rates of two are linear in them; that of one may have another slope
+below one of KINKS. Their course along a log is exact for signals that are held over each sample. What only
+adds up, as an angle, takes them as lines between samples.
 
 Sources: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-0158(3107-18)-1, 1968 (hysteresis over the
 travelled distance).
@@ -25,10 +25,10 @@ from ...core.linear_recursion import linear_recursion
 LAGS, SLOW_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (0.06, 0.15, 0.4, 1.0)
 #: Time constants of an acceleration [s], and what it is called in results.
 QUICK, ACCELERATION = (0.01, 0.03), "acceleration"
-#: Ratios of the time constant of friction that begins anew at a reversal to those with which motion turns the last
-#: direction, and with which motion in one direction sets back the other: friction is that before a reversal until the
-#: contact has moved for 0.2 % of the time constant, and 8 % set it back. Engineering judgement.
-TURNS, SETS_BACK = 400.0, 50.0
+#: Ratio of the time constant of a late direction to that with which the other direction decays: 1000 takes it away in
+#: 0.7 % of the time constant. On the bench, where a reversal does so at once, 50 left up to eight times the gap.
+#: Engineering judgement.
+FORGETS = 1000.0
 #: Distances of a hysteresis, as shares of the range of the position.
 SLIPS = (0.005, 0.02, 0.08)
 #: Natural frequencies [rad/s] and damping ratios of a resonance; at the larger one neighbouring peaks overlap.
@@ -36,8 +36,11 @@ RESONANCES, DAMPINGS = (30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0, 340.0), (0.
 #: Waves over the shaft angle: periods per turn.
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0)
 
-#: Local names of a state in terms and rates, of a second and of a third one.
-STATE, SECOND, THIRD = "memory", "second_memory", "third_memory"
+#: Values of a state at which the slope of its rate may change.
+KINKS = (0.0, 1.0, -1.0)
+
+#: Local name of a state in terms and rates; a second one has the rate of the first.
+STATE, RATE = "memory", "memory_rate"
 #: What goes towards an end value with the running time; long before its time constant tau it is STATE / tau.
 TOWARDS_END = f"(1 - exp(-{STATE} / tau))"
 
@@ -72,14 +75,14 @@ class Memory:
             values = [rate.values({**known, **shapes, **states}) * np.ones(size) for rate in rates]
             return np.column_stack(values)
 
-        def slopes(sign: float) -> np.ndarray:
-            """(N, n, n) of the rates by the states on this side of zero."""
-            ends = [at({**dict.fromkeys(names, 0.0), name: sign}) for name in names]
-            return sign * np.stack([end - rest for end in ends], axis=2)
+        def slopes(kink: float, sign: float) -> np.ndarray:
+            """(N, n, n) of the rates by the states on this side of a value of all."""
+            ends = [at({**dict.fromkeys(names, kink), name: kink + sign}) for name in names]
+            return sign * np.stack([end - at(dict.fromkeys(names, kink)) for end in ends], axis=2)
 
-        rest = at(dict.fromkeys(names, 0.0))
-        above, below = slopes(1.0), slopes(-1.0)
-        apart = not (above * (1.0 - np.eye(len(names)))).any()
+        rows = [(kink, slopes(kink, 1.0), slopes(kink, -1.0)) for kink in KINKS]
+        kink, above, below = next((row for row in rows if not np.allclose(row[1], row[2])), rows[0])
+        rest = at(dict.fromkeys(names, kink))
         out = np.zeros((size, len(names)))
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
@@ -87,23 +90,24 @@ class Memory:
             if not above.any():
                 # Held over a sample of 4 ms, 300 rad/s would put the angle 0.6 rad off.
                 rest[part] = 0.5 * (rest[part] + np.vstack([rest[part][1:], rest[part][-1:]]))
-            if not apart:
+            if len(names) == 1:
+                slopes_of_one = below[part, 0, 0], above[part, 0, 0]
+                course, means = _of_one(*slopes_of_one, rest[part, 0], -kink, sample_time)
+                out[part, 0] = kink + (means if mean else course)
+            else:
                 out[part] = _of_several(above[part], rest[part], sample_time, mean=mean)
-                continue
-            for i in range(len(names)):
-                course, means = _of_one(below[part, i, i], above[part, i, i], rest[part, i], sample_time)
-                out[part, i] = means if mean else course
         return dict(zip(names, out.T, strict=True))
 
 
 @cached_njit(nogil=True)
-def _of_one(below: np.ndarray, above: np.ndarray, rest: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Course (N,) from zero of dy/dt = rest + slope y, held over a sample, and its mean over each sample.
+def _of_one(
+    below: np.ndarray, above: np.ndarray, rest: np.ndarray, y: float, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Course (N,) from y of dy/dt = rest + slope y, held over a sample, and its mean over each sample.
 
     below, above: (N,) slope where y is negative and where it is not.
     """
     course, means = np.zeros(rest.size), np.zeros(rest.size)
-    y = 0.0
     for k in range(rest.size):
         course[k], left, total = y, dt, 0.0
         # A rate that is linear on either side of zero crosses it once at most.
@@ -172,29 +176,29 @@ def lag(of: str, unit: str, size: float) -> Memory:
     return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
 
 
-def late_direction(direction: str, behind: str) -> Memory:
+def late_direction(direction: str, *, forgets: bool, begins: float = 0.0) -> Memory:
     """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
 
-    behind: how far it is behind the direction, as an expression in both.
+    forgets: it begins near zero after each reversal, whatever was before: the rest of the other direction decays about
+    FORGETS times as fast. begins: its value at the start, from which the state counts: the direction of the first
+    motion if the contact has settled before the log, or zero if it has just reversed.
     """
-    return Memory({STATE: f"{behind} / tau * abs({direction})"}, {STATE: "1"}, {STATE: 1.0})
+    now = f"({STATE}{_plus(begins)})" if begins else STATE
+    away = f" + {FORGETS:g} * {direction} * max(-{direction} * {now}, 0)" if forgets else ""
+    rate = f"({direction} - {STATE}{_plus(-begins)}{away}) / tau * abs({direction})"
+    return Memory({STATE: rate}, {STATE: "1"}, {STATE: 1.0})
 
 
-def reversal(direction: str, *, settled: bool) -> Memory:
-    """How far each direction of a contact is from its level, and the direction of its last motion.
+def lacks(direction: str, *, forgets: bool, begins: float = 0.0) -> str:
+    """What dry friction lacks of its level while its direction is late: a term, see `late_direction`."""
+    if forgets:
+        return f"{direction} * (1 - abs({STATE}{_plus(begins)}))"
+    return f"({direction} - {STATE}{_plus(-begins)})"
 
-    Motion of the time constant tau brings a direction near its level, and sets back the other one. settled: the states
-    are what is lacking, so that nothing is at the start; else what is regained, so that the contact has just reversed.
-    """
-    own, other = f"max({direction}, 0)", f"max(-{direction}, 0)"
-    rate = "{sets_back:g} * (1 - {state}) * {other} - {state} * {own}"
-    if not settled:
-        rate = "(1 - {state}) * {own} - {sets_back:g} * {state} * {other}"
-    pairs = (STATE, own, other), (SECOND, other, own)
-    rates = {
-        name: f"({rate.format(state=name, own=a, other=b, sets_back=SETS_BACK)}) / tau" for name, a, b in pairs
-    } | {THIRD: f"{TURNS:g} * ({direction} - {THIRD}) / tau * abs({direction})"}
-    return Memory(rates, dict.fromkeys(rates, "1"), dict.fromkeys(rates, 1.0))
+
+def _plus(number: float) -> str:
+    """A number that is added to what comes before; nothing for zero."""
+    return f" {'-' if number < 0.0 else '+'} {abs(number):g}" if number else ""
 
 
 def slip(speed: str, unit: str, size: float) -> Memory:
@@ -204,9 +208,9 @@ def slip(speed: str, unit: str, size: float) -> Memory:
 
 def resonance(of: str, unit: str, size: float) -> Memory:
     """What follows a variable with a natural frequency and a damping ratio."""
-    rate = f"frequency**2 * ({of} - {STATE}) - 2 * damping * frequency * {SECOND}"
-    scales = {STATE: max(size, 1e-300), SECOND: max(size, 1e-300) * RESONANCES[0]}
-    return Memory({STATE: SECOND, SECOND: rate}, {STATE: unit, SECOND: f"{unit}/s"}, scales)
+    rate = f"frequency**2 * ({of} - {STATE}) - 2 * damping * frequency * {RATE}"
+    scales = {STATE: max(size, 1e-300), RATE: max(size, 1e-300) * RESONANCES[0]}
+    return Memory({STATE: RATE, RATE: rate}, {STATE: unit, RATE: f"{unit}/s"}, scales)
 
 
 def over_time(bases: Mapping[str, tuple[str, ...]], seconds: float) -> Iterator[MemoryTerm]:

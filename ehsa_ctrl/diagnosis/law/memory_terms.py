@@ -17,18 +17,16 @@ from .memory import (
     LAGS,
     QUICK,
     RESONANCES,
-    SECOND,
     SLIPS,
     SLOW_SHARES,
     STATE,
-    THIRD,
     MemoryTerm,
     following,
+    lacks,
     late_direction,
     over_angle,
     over_time,
     resonance,
-    reversal,
     slip,
 )
 
@@ -84,17 +82,13 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     if d not in known:
         return
     first = float(known[d][np.argmax(known[d] != 0.0)])
-    for begins in dict.fromkeys(("", f" {'-' if first > 0.0 else '+'} 1" if first else "")):
-        behind = f"({d} - {STATE}{begins})"
-        for tau in LAGS:
-            yield MemoryTerm(behind, late_direction(d, behind), {"tau": tau}, {"tau": "s"}, ("reversal",))
-    for settled, lacks in ((True, "{}"), (False, "(1 - {})")):
-        ways = (f"max({sign}{d}, 0) * max({sign}{THIRD}, 0)" for sign in ("", "-"))
-        pairs = zip(ways, (STATE, SECOND), strict=True)
-        text = " - ".join(f"{way} * {lacks.format(name)}" for way, name in pairs)
-        # With a short time constant both are alike. What begins anew has its full level until the contact moves.
-        for tau in [tau for tau in LAGS if tau > QUICK[0]]:
-            yield MemoryTerm(f"({text})", reversal(d, settled=settled), {"tau": tau}, {"tau": "s"}, ("reversal",))
+    # With a short time constant both are alike. What begins anew has its full level until the contact moves.
+    anew = [tau for tau in LAGS if tau > QUICK[0]]
+    for forgets, taus in ((False, LAGS), (True, anew)):
+        for begins in dict.fromkeys((0.0, first)):
+            memory, text = (of(d, forgets=forgets, begins=begins) for of in (late_direction, lacks))
+            for tau in taus:
+                yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 
 
 def _of_flow(plant: Plant, name: str, known: Known, seconds: float) -> Iterator[MemoryTerm]:
