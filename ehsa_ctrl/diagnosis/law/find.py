@@ -16,7 +16,7 @@ from ..place_sets import InjectionCase
 from ..pool import Pool
 from ..records import Segment
 from ..refit import HypothesisFit, refit
-from ..scoring import ScoredHypothesis, Scoring
+from ..scoring import CauseKey, ScoredHypothesis, Scoring
 from .begin import Begin
 from .free_run import RENEW, STEPS, FreeRunLaw, kept_effect, refit_laws, screen_laws
 from .grammar import variables_of
@@ -99,7 +99,8 @@ class FoundLaw:
 
     effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
     effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
-    each form's model. without: the hypothesis beside which it was found.
+    each form's model. without: the hypothesis beside which it was found. own_gaps: of effects and nominal parameters
+    that are causes in its model.
     """
 
     proposed: ProposedLaw
@@ -110,6 +111,7 @@ class FoundLaw:
     sd: Mapping[str, float]
     settings: tuple[Setting, ...]
     without: ScoredHypothesis
+    own_gaps: Mapping[CauseKey, Mapping[str, float]]
 
     @classmethod
     def of(cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis) -> FoundLaw:
@@ -118,7 +120,9 @@ class FoundLaw:
         fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        return cls(proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without)
+        return cls(
+            proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without, best.scored.own_gaps
+        )
 
     @property
     def terms(self) -> int:
@@ -164,7 +168,8 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
 
 
 def without_imitators(selection: Selection, law: FoundLaw, reference: Reference) -> Selection:
-    """The selection without the effects that the law makes superfluous: they imitated it.
+    """The selection without the effects and changes of nominal parameters that the law makes superfluous: they imitated
+    it.
 
     The other causes are those of the hypothesis beside which the law was found. Without an effect beside it, the law
     alone explains the gap, and nothing of the catalogue is named. Causes that explain the gap and leave little stay
@@ -173,7 +178,9 @@ def without_imitators(selection: Selection, law: FoundLaw, reference: Reference)
     if not selection.has_causes:
         return selection
     chosen = selection.chosen
-    left_out = {c.key for c in chosen.fit.candidates} - {c.key for c in law.candidates}
+    effects = {c.key for c in chosen.fit.candidates}
+    left_out = effects - {c.key for c in law.candidates}
+    left_out |= {key for key in chosen.causes if key not in effects and key not in law.own_gaps}
     if not left_out:
         return selection
     beside = law.without.own_gaps if law.proposed.beside else {}

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -75,14 +76,16 @@ class Memory:
             values = [rate.values({**known, **shapes, **states}) * np.ones(size) for rate in rates]
             return np.column_stack(values)
 
-        def slopes(kink: float, sign: float) -> np.ndarray:
-            """(N, n, n) of the rates by the states on this side of a value of all."""
-            ends = [at({**dict.fromkeys(names, kink), name: kink + sign}) for name in names]
-            return sign * np.stack([end - at(dict.fromkeys(names, kink)) for end in ends], axis=2)
-
-        rows = [(kink, slopes(kink, 1.0), slopes(kink, -1.0)) for kink in KINKS]
-        kink, above, below = next((row for row in rows if not np.allclose(row[1], row[2])), rows[0])
+        kink = _kink(*self.rates.items()) if len(names) == 1 else 0.0
         rest = at(dict.fromkeys(names, kink))
+
+        def slopes(sign: float) -> np.ndarray:
+            """(N, n, n) of the rates by the states on this side of the kink."""
+            ends = [at({**dict.fromkeys(names, kink), name: kink + sign}) for name in names]
+            return sign * np.stack([end - rest for end in ends], axis=2)
+
+        above = slopes(1.0)
+        below = slopes(-1.0) if len(names) == 1 else above
         out = np.zeros((size, len(names)))
         ends = [*begins[1:], size]
         for first, end in zip(begins, ends, strict=True):
@@ -97,6 +100,19 @@ class Memory:
             else:
                 out[part] = _of_several(above[part], rest[part], sample_time, mean=mean)
         return dict(zip(names, out.T, strict=True))
+
+
+@lru_cache(maxsize=1024)
+def _kink(row: tuple[str, str]) -> float:
+    """The one of KINKS at which the slope of a rate changes; zero for a straight one. row: name of the state, rate."""
+    name, rate = row[0], Expression.parse(row[1])
+    others = dict.fromkeys(rate.names, 0.5)
+
+    def bends(at: float) -> bool:
+        left, middle, right = np.zeros(3) + rate.values({**others, name: at + np.array([-1.0, 0.0, 1.0])})
+        return not np.isclose(right - middle, middle - left)
+
+    return next((at for at in KINKS if bends(at)), 0.0)
 
 
 @cached_njit(nogil=True)

@@ -86,7 +86,8 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     anew = [tau for tau in LAGS if tau > QUICK[0]]
     for forgets, taus in ((False, LAGS), (True, anew)):
         for begins in dict.fromkeys((0.0, first)):
-            memory, text = (of(d, forgets=forgets, begins=begins) for of in (late_direction, lacks))
+            memory = late_direction(d, forgets=forgets, begins=begins)
+            text = lacks(d, forgets=forgets, begins=begins)
             for tau in taus:
                 yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 
