@@ -183,6 +183,18 @@ def test_a_term_that_a_refit_gives_up_is_left_out(servo):
     assert refitted.reduced.factors == (-0.4,)
 
 
+def test_of_a_single_term_the_sign_alone_must_stay(servo):
+    """Whether it vanishes shows in the gap: the regression hardly saw it here."""
+    law = LawFit(servo[-1], (Term("theta", frozenset({"theta"})),), (0.2,), (0.3,), 0.1)
+    definition = definition_of(law, [])
+
+    def refitted(value):
+        own = {"c_1": definition.parameters["c_1"].model_copy(update={"value": value})}
+        return FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {})
+
+    assert refitted(0.15).stable and not refitted(-0.15).stable
+
+
 BAM = Path(__file__).parents[3] / "shared" / "data" / "bam"
 
 

@@ -48,10 +48,14 @@ class FreeRunLaw:
 
     @property
     def _kept(self) -> list[bool]:
-        """Of each term, whether its factor keeps the sign of the regression, and is beyond its scatter there."""
+        """Of each term, whether its factor keeps the sign of the regression, and is beyond its scatter there.
+
+        Of a single one the gap tells whether it vanishes.
+        """
         found = [one.value for one in self.file.parameters.values() if one.neutral is not None]
+        least = STABLE if len(found) > 1 else 0.0
         pairs = zip(found, self.law.factors, self.law.sd, strict=True)
-        return [value * before > 0.0 and abs(value) > STABLE * sd for value, before, sd in pairs]
+        return [value * before > 0.0 and abs(value) > least * sd for value, before, sd in pairs]
 
     @property
     def stable(self) -> bool:
