@@ -206,18 +206,35 @@ def _with_fewer_effects(
     An effect may imitate a part of the law; another term of the law cancels it then. Laws that were found beside other
     effects are tried too: a constant leakage and a law that corrects it are far from a leakage that grows with time.
     """
-    tried = list(tried)
-    alike = laws_of_best(tried, last, reference)
-    better = bool(alike)
-    while better:
-        fewer = [
+
+    def fewer(tried: Sequence[_Tried], alike: Sequence[_Tried]) -> list[_Tried]:
+        return [
             one
             for out in alike[0].base.fit.candidates
             for one in _without_effect(alike, _found_elsewhere(tried, alike[0], out), out, base_of, scoring, pool)
         ]
-        tried += fewer
+
+    return _as_long_as_better(tried, last, reference, fewer)
+
+
+def _as_long_as_better(
+    tried: Sequence[_Tried],
+    last: ScoredHypothesis,
+    reference: Reference,
+    smaller: Callable[[Sequence[_Tried], Sequence[_Tried]], list[_Tried]],
+) -> list[_Tried]:
+    """The laws with smaller ones than the best, as long as one of these becomes the best.
+
+    smaller: laws tried, and those of the best -> further ones. last: as in `laws_of_best`.
+    """
+    tried = list(tried)
+    alike = laws_of_best(tried, last, reference)
+    better = bool(alike)
+    while better:
+        found = smaller(tried, alike)
+        tried += found
         alike = laws_of_best(tried, last, reference)
-        better = any(alike[0] is one for one in fewer)
+        better = any(alike[0] is one for one in found)
     return tried
 
 
@@ -266,17 +283,14 @@ def _with_fewer_terms(
 
     The regression takes terms that its errors need, and a free run does not.
     """
-    tried = list(tried)
-    alike = laws_of_best(tried, last, reference)
-    better = bool(alike)
-    while better and alike[0].terms > 1:
+
+    def fewer(_: Sequence[_Tried], alike: Sequence[_Tried]) -> list[_Tried]:
         best = alike[0]
         laws = best.law.refitted.with_one_term_less
-        fewer = refit_laws(laws, scoring, best.base.fit, pool, [best.law.others] * len(laws))
-        tried += [replace(best, law=law) for law in fewer]
-        alike = laws_of_best(tried, last, reference)
-        better = alike[0] is not best
-    return tried
+        refitted = refit_laws(laws, scoring, best.base.fit, pool, [best.law.others] * len(laws))
+        return [replace(best, law=law) for law in refitted]
+
+    return _as_long_as_better(tried, last, reference, fewer)
 
 
 def with_typical_priors(scoring: Scoring) -> Scoring:

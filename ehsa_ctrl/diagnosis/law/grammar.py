@@ -167,24 +167,22 @@ class Grammar:
             found.insert(1, LawVariable(*difference, drives=place == "force"))
         found += [LawVariable(n, units[n], known[n], effort=True) for n in efforts]
         moving = tuple(v for v in found if np.ptp(v.values) > 0.0)
-        slides: np.ndarray | float = 1.0
-        if contact is not None:
-            speed, direction = known[contact.velocity], known[contact.direction]
-            # At the ends of a log the fit of the direction may have the sign of the noise.
-            alike = direction * speed > 0.0
-            slides = 1.0 * (signals.slides[contact.name][:-1] & alike & _beyond_ringing(speed))
-        in_motion = {**known, contact.direction: direction * slides} if contact is not None else known
         plain = cls(
-            name, moving, known, units, sample_time=signals.sample_time, begins=begins, slides=slides,
-            memories=tuple(memory_terms(plant, name, in_motion, float(np.ptp(time)))),
+            name, moving, known, units, sample_time=signals.sample_time, begins=begins,
             starts=tuple(float(time[at]) for at in begins if at < time.size),
         )  # fmt: skip
-        if contact is None:
-            return plain
-        evaluate = array_evaluator(plant.structure.equations, [contact.friction])
-        friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
-        resists = 1.0 if ADDENDS[name].sign == "-" else -1.0
-        return replace(plain, direction=contact.direction, speed=speed, friction=friction, resists=resists)
+        if contact is not None:
+            evaluate = array_evaluator(plant.structure.equations, [contact.friction])
+            friction = evaluate({**plant.values, **{n: signals[n][:-1] for n in signals.values}})[contact.friction]
+            resists = 1.0 if addend.sign == "-" else -1.0
+            speed = known[contact.velocity]
+            # At the ends of a log the fit of the direction may have the sign of the noise.
+            alike = known[contact.direction] * speed > 0.0
+            plain = replace(
+                plain, direction=contact.direction, speed=speed, friction=friction, resists=resists,
+                slides=1.0 * (signals.slides[contact.name][:-1] & alike & _beyond_ringing(speed)),
+            )  # fmt: skip
+        return replace(plain, memories=tuple(memory_terms(plant, name, plain.in_motion, float(np.ptp(time)))))
 
     @property
     def samples(self) -> int:

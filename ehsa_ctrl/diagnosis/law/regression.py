@@ -71,7 +71,9 @@ class LawFit:
 
     @property
     def with_one_term_less(self) -> list[LawFit]:
-        """The same sum without each of its terms."""
+        """The same sum without each of its terms; nothing for a single one."""
+        if len(self.terms) == 1:
+            return []
         rows = list(zip(self.terms, self.factors, self.sd, strict=True))
         columns = [zip(*(row for row in rows if row is not out), strict=True) for out in rows]
         return [replace(self, terms=terms, factors=factors, sd=sd) for terms, factors, sd in columns]
