@@ -46,7 +46,7 @@ def diagnose_batch(
     from ..diagnosis.batch import diagnose_many
     from ..report.results import write_result_page
     from .inputs import refuse_repeated
-    from .progress import compiling, counting
+    from .progress import compiling, continuing, counting
 
     refuse_repeated(logs)
     out, anew = output.out, output.force
@@ -70,20 +70,20 @@ def diagnose_batch(
                 write_files(draft, outcome)
                 write_result_page(draft, "diagnosis.json")
 
-    with compiling(), counting() as watch, parallel_backend(backend):
-        batch = diagnose_many(
-            nominal, ready, threshold=threshold, check=check, jobs=jobs, file=record, anew=anew,
-            watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+    with continuing("logs", out, *filter(None, [record])):
+        with compiling(), counting() as watch, parallel_backend(backend):
+            batch = diagnose_many(
+                nominal, ready, threshold=threshold, check=check, jobs=jobs, file=record, anew=anew,
+                watch=watch and (lambda done, total: watch("logs", done, total)), keep=keep,
+            )  # fmt: skip
+        done = [step for name in map(str, logs) for step in steps.get(name, ())]
+        summary = {**batch.to_dict(), "preparation": done, "rests_on": provenance([nominal], logs)}
+        output.deliver(
+            "diagnose_batch", "summary.json", summary, lambda: _print(batch, out), then=None,
+            files=lambda draft: batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g"),
         )  # fmt: skip
-    done = [step for name in map(str, logs) for step in steps.get(name, ())]
-    summary = {**batch.to_dict(), "preparation": done, "rests_on": provenance([nominal], logs)}
-    output.deliver(
-        "diagnose_batch", "summary.json", summary, lambda: _print(batch, out), then=None,
-        files=lambda draft: batch.to_pandas().to_csv(draft / "summary.csv", float_format="%.7g"),
-    )  # fmt: skip
-    if batch.interrupted:
-        kept = f"finished logs are kept in {out}; the same command continues with the others" if out is not None else ""
-        raise KeyboardInterrupt(kept)
+        if batch.interrupted:
+            raise KeyboardInterrupt
     if len(batch.failed) == len(batch.rows):
         raise typer.Exit(2)
 

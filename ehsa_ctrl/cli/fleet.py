@@ -73,17 +73,18 @@ def command(
     if logs and virtual is not None:
         raise InputError("--virtual simulates its own logs; leave out either --virtual or the logs")
     from ..fleet.analyse import analyse_fleet
+    from ..fleet.store import HEAD
     from ..fleet.virtual import LOGS, write_virtual_fleet
     from ..plant.load import load_plant
     from .output import warn_implausible
-    from .progress import compiling, counting
+    from .progress import compiling, continuing, counting
 
     nominal = load_plant(plant, settings=read_pairs(settings))
     warn_implausible([nominal])
     # A store is continued, which replaces the result but never a file of the user.
     output = OutputOptions(as_json, out, force=True)
     output.check("fleet", *FILES)
-    try:
+    with continuing("logs", out, out / HEAD, out / LOGS):
         with compiling(), counting() as watch:
             truth: Mapping[str, Mapping[str, str]] = {}
             if virtual is not None:
@@ -96,15 +97,11 @@ def command(
                 check=check, jobs=jobs, watch=watch, truth=truth,
                 keep=lambda folder, one: _keep(out / folder, one),
             )  # fmt: skip
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            f"finished logs are kept in {out}; the same command continues with the others"
-        ) from None
-    files = [log.file for rig in found.rigs for log in rig.logs] if found.log_count <= MOST_HASHES else []
-    stored = {**found.to_dict(), "rests_on": provenance([nominal], files)}
-    output.deliver(
-        "fleet", "fleet.json", stored, lambda: print(found), files=lambda draft: _files(draft, found, nominal)
-    )  # fmt: skip
+        files = [log.file for rig in found.rigs for log in rig.logs] if found.log_count <= MOST_HASHES else []
+        stored = {**found.to_dict(), "rests_on": provenance([nominal], files)}
+        output.deliver(
+            "fleet", "fleet.json", stored, lambda: print(found), files=lambda draft: _files(draft, found, nominal)
+        )  # fmt: skip
 
 
 def _query(store: Path, logs: list[Path], text: str, as_json: bool) -> None:

@@ -48,7 +48,7 @@ def command(
     """
     from ..core.parallel import parallel_backend
     from ..scenario.montecarlo import monte_carlo
-    from .progress import compiling, counting
+    from .progress import compiling, continuing, counting
 
     if not 0.0 < confidence < 1.0:
         raise InputError(f"--confidence {confidence:g}: expected more than 0 and less than 1")
@@ -59,40 +59,42 @@ def command(
     # Continuing replaces the files of the earlier runs; figures of other campaigns in the folder stay.
     output = OutputOptions(as_json, out, force=True)
     output.check("montecarlo", "montecarlo.json", "report.html", figures=stems, keep=True)
+    records = {stem: out / f"{stem}.jsonl" for stem in stems}
     found = []
-    for name, stem in zip(chosen, stems, strict=True):
-        with compiling(), counting() as watch, parallel_backend(backend):
-            result = monte_carlo(
-                scenario, runs=runs, seed=seed, controller=name, plant=run.plant, design=run.design,
-                settings=pairs, identification=identification, jobs=jobs,
-                file=out / f"{stem}.jsonl", anew=force,
-                watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
-            )  # fmt: skip
-        found.append(result)
-        if not as_json:
-            print(result)
-            print(f"  replay it: {replay_command(scenario, name, run, out / f'{stem}.jsonl')}")
-            if require is not None:
-                print(f"  {requirement_sentence(result.interval(confidence)[0], require, confidence)}")
-        if result.interrupted:
-            break
-    summary = {
-        "campaigns": [{**result.to_dict(confidence), "required": require} for result in found],
-        "rests_on": provenance(
-            [result.plant for result in found if result.plant is not None],
-            [*(file for result in found for file in result.files), identification],
-        ),
-    }
+    with continuing("runs", out, *records.values()):
+        for name, stem in zip(chosen, stems, strict=True):
+            with compiling(), counting() as watch, parallel_backend(backend):
+                result = monte_carlo(
+                    scenario, runs=runs, seed=seed, controller=name, plant=run.plant, design=run.design,
+                    settings=pairs, identification=identification, jobs=jobs,
+                    file=records[stem], anew=force,
+                    watch=watch and (lambda done, total, stem=stem: watch(stem, done, total)),
+                )  # fmt: skip
+            found.append(result)
+            if not as_json:
+                print(result)
+                print(f"  replay it: {replay_command(scenario, name, run, records[stem])}")
+                if require is not None:
+                    print(f"  {requirement_sentence(result.interval(confidence)[0], require, confidence)}")
+            if result.interrupted:
+                break
+        summary = {
+            "campaigns": [{**result.to_dict(confidence), "required": require} for result in found],
+            "rests_on": provenance(
+                [result.plant for result in found if result.plant is not None],
+                [*(file for result in found for file in result.files), identification],
+            ),
+        }
 
-    def write_files(draft: Path) -> None:
-        from ..report.figures import save
+        def write_files(draft: Path) -> None:
+            from ..report.figures import save
 
-        for result, stem in zip(found, stems, strict=False):
-            save(result.plot(), draft / stem)
+            for result, stem in zip(found, stems, strict=False):
+                save(result.plot(), draft / stem)
 
-    output.deliver("montecarlo", "montecarlo.json", summary, lambda: None, files=write_files, keep=True)
-    if any(result.interrupted for result in found):
-        raise KeyboardInterrupt(f"finished runs are kept in {out}; the same command continues with the others")
+        output.deliver("montecarlo", "montecarlo.json", summary, lambda: None, files=write_files, keep=True)
+        if any(result.interrupted for result in found):
+            raise KeyboardInterrupt
     if require is not None and any(result.interval(confidence)[0] < require for result in found):
         raise typer.Exit(1)
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from .output import note
@@ -83,6 +84,21 @@ def compiling() -> Iterator[None]:
             yield
         except KeyboardInterrupt as stopped:
             raise KeyboardInterrupt(str(stopped) or "the unfinished work is not kept") from None
+
+
+@contextmanager
+def continuing(what: str, folder: Path | None, *records: Path) -> Iterator[None]:
+    """Give Ctrl-C, wherever it comes, the message that what is finished is kept, once one of the records exists.
+
+    what: plural of what is finished. folder: where it is kept; None if it is not.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        if folder is None or not any(record.exists() for record in records):
+            raise
+        kept = f"finished {what} are kept in {folder}; the same command continues with the others"
+        raise KeyboardInterrupt(kept) from stopped
 
 
 @contextmanager

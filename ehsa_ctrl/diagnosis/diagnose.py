@@ -370,6 +370,7 @@ def _diagnose_selection(
             *(EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat),
             *one_sided_gap(segments, prepared.threshold),
             *uneven_folds(folds, prepared.threshold),
+            *([law.caveat] if law is not None and law.caveat else []),
         ],
         verdict=verdict,
         where=_where(location, causes),
@@ -414,7 +415,8 @@ def _law(
         return LawBase(logs, fit)
 
     fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.has_causes else [])]
-    law = find_law(fits, base_of, scoring, reference, hypotheses.pool, segments.searched)
+    windows = segments.windows(prepared)
+    law = find_law(fits, base_of, scoring, reference, hypotheses.pool, segments.searched, windows)
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..core.errors import InputError, choices
 from ..core.log import Log, named
@@ -29,10 +29,12 @@ from .signals import largest, noise_of, slow_channels
 from .split import NO_GAP, Split, choose_split
 from .stretch import search_segment
 from .together import check_other, check_together
-from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects
+from .validation_segment import initial_state, part_of_log, prepare_replay, replayed_effects, windows_by_log
 
 #: Shortest log [s]. Engineering judgement: 2 s to fit and 1 s to hold out.
 SHORTEST = 3.0
+#: Windows of a segment in which laws are compared: a minute. Engineering judgement: longer records add time alone.
+MOST_WINDOWS = 30
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,22 @@ class Segments:
         """The same segments, changed one by one."""
         whole, training, held_out, searched = map(change, (self.whole, self.training, self.held_out, self.searched))
         return Segments(whole, training, held_out, searched, self.splits)
+
+    def windows(self, prepared: PreparedLogs) -> tuple[tuple[Segment, ...], tuple[Segment, ...]] | None:
+        """Training and held-out data of each log in windows, at most MOST_WINDOWS of each.
+
+        None where a log does not show the state at their start.
+        """
+        plants = [one.plant for one in prepared.logs]
+        held_by = plants if prepared.validation is None else [prepared.validation.plant]
+        training, held_out = windows_by_log(plants, self.training), windows_by_log(held_by, self.held_out)
+        return None if training is None or held_out is None else (_thinned(training), _thinned(held_out))
+
+
+def _thinned(by_log: Sequence[Segment]) -> tuple[Segment, ...]:
+    """Windows at equal distances, at most MOST_WINDOWS in all logs together."""
+    step = -(-sum(len(one.records) for one in by_log) // MOST_WINDOWS)
+    return tuple(replace(one, records=one.records[::step]) for one in by_log)
 
 
 def prepare_logs(

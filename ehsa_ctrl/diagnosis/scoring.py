@@ -90,6 +90,8 @@ class ScoredHypothesis:
     deviance: -2 log-likelihood with all penalties; smaller is better. own_gaps: effect, or nominal parameter that
     changed much -> signal -> gap that it makes alone, with the others present. training_gap, held_out_gap: signal ->
     gap of the hypothesis. causes: the effects that are causes. low_frequency_errors: on training and held-out data.
+    window_deviances: of training and held-out data in short windows, see `Scoring.windows`; None where these are not
+    simulated.
     """
 
     fit: HypothesisFit
@@ -99,6 +101,7 @@ class ScoredHypothesis:
     held_out_gap: Mapping[str, float]
     causes: tuple[CauseKey, ...]
     low_frequency_errors: tuple[LowFrequencyError, LowFrequencyError] = (LowFrequencyError(), LowFrequencyError())
+    window_deviances: tuple[float, float] | None = None
 
     @property
     def label(self) -> tuple[CauseKey, ...]:
@@ -112,7 +115,8 @@ class Scoring:
 
     weight: (channels,) of a squared residual in the deviance. nominal: residuals of the nominal model on training and
     held-out data, None if its run stopped. input_noise: on training and held-out data. lumped: the model lacks dry
-    friction; nominal parameters compensate for it and are no causes.
+    friction; nominal parameters compensate for it and are no causes. windows: training and held-out data of each log in
+    windows that begin at the state that the log shows; for laws, where one slip or a lost phase decides a free run.
     """
 
     objective: Objective
@@ -123,6 +127,7 @@ class Scoring:
     weight: np.ndarray
     nominal: tuple[np.ndarray, np.ndarray | None] = field(repr=False)
     input_noise: tuple[InputNoiseEffect, InputNoiseEffect]
+    windows: tuple[Sequence[Segment], Sequence[Segment]] | None = None
 
     @classmethod
     def of(
@@ -192,7 +197,34 @@ class Scoring:
         deviance += MINOR_EFFECT_PENALTY * len(members - set(causes)) + PARAMETER_PENALTY * fit.n_effect
         errors = self._low_frequency_error(0, fit.residual), self._low_frequency_error(1, error)
         training_gap, held_out_gap = self.training.gap_of(fitted), self.held_out.gap_of(simulated)
-        return ScoredHypothesis(fit, deviance, own, training_gap, held_out_gap, causes, errors)
+        windows = self._window_deviances(fit.values)
+        return ScoredHypothesis(fit, deviance, own, training_gap, held_out_gap, causes, errors, windows)
+
+    def _window_deviances(self, values: Setting) -> tuple[float, float] | None:
+        return None if self.windows is None else (self.window_deviance(0, values), self.window_deviance(1, values))
+
+    def window_deviance(self, segment: int, values: Setting) -> float:
+        """Deviance above noise over windows of training (0) or held-out data (1); infinite where a run stops, or where
+        there are no windows.
+        """
+        windows = self._joined_windows(segment)
+        runs = None if windows is None else windows.simulate(values)
+        if windows is None or runs is None:
+            return np.inf
+        noise = float(self.weight @ self.objective.scale.noise_squares) * windows.samples
+        return max(self.deviance(self.objective.scale.residual_of(windows.records, runs)) - noise, 0.0)
+
+    @property
+    def objective_in_windows(self) -> Objective | None:
+        """The objective over windows of the training data; None without them."""
+        windows = self._joined_windows(0)
+        return None if windows is None else replace(self.objective, segment=windows)
+
+    def _joined_windows(self, segment: int) -> Segment | None:
+        if self.windows is None:
+            return None
+        by_log = self.windows[segment]
+        return Segment(tuple(record for one in by_log for record in one.records), by_log[0].name)
 
     def _low_frequency_error(self, segment: int, r: np.ndarray | None) -> LowFrequencyError:
         nominal = self.nominal[segment]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.log import Log
-from ..identification.initial_state import RUN_IN, ZERO_SPEED, estimate_states, find_initial_state
+from ..identification.initial_state import RUN_IN, ZERO_SPEED, StateEstimate, estimate_states, find_initial_state
 from ..identification.logged_inputs import logged_inputs
 from ..physics.effects import EFFECTS, Effect
 from ..plant.plant import Plant
@@ -72,17 +72,23 @@ def initial_state(plant: Plant, log: Log) -> dict[str, float] | None:
     return None if np.array_equal(state, plant.rest) else dict(zip(names, state.tolist(), strict=True))
 
 
-def part_of_log(plant: Plant, model: HypothesisModel, noise: Mapping[str, float], parts: Sequence[slice]) -> Record:
+def part_of_log(
+    plant: Plant,
+    model: HypothesisModel,
+    noise: Mapping[str, float],
+    parts: Sequence[slice],
+    estimate: StateEstimate | None = None,
+) -> Record:
     """Parts of a model's log as a record: the run begins with the log, or a run-in before a single part.
 
-    plant: nominal, for the state at the run-in.
+    plant: nominal, for the state at the run-in. estimate: of the log's states, if it is known.
     """
     log, begin, end = model.log, parts[0].start, parts[-1].stop
     # A state without a sensor is known only at the start of the log.
     if begin == 0 or len(parts) > 1 or has_unmeasured_state(plant, log):
         return Record(replace(model, log=log.rows(0, end)), noise, tuple(parts))
     back = max(begin - max(int(round(RUN_IN / log.sample_time)), 1), 0)
-    estimate = estimate_states(plant, log)
+    estimate = estimate or estimate_states(plant, log)
     names = [state.name for state in plant.structure.equations.states]
     run_in = _fastest_sample(plant, estimate.values, estimate.sd, back, begin)
     start = dict(zip(names, estimate.values[run_in].tolist(), strict=True))
@@ -121,13 +127,22 @@ def windows_of(plants: Sequence[Plant], segment: Segment) -> Segment | None:
         log = record.model.log
         if has_unmeasured_state(plant, log):
             return None
+        estimate = estimate_states(plant, log)
         for part in record.parts:
             begin, end, _ = part.indices(len(log))
             count = max(int(round((end - begin) * log.sample_time / WINDOW)), 1)
             edges = np.round(np.linspace(begin, end, count + 1)).astype(int).tolist()
             pairs = zip(edges[:-1], edges[1:], strict=True)
-            found += [part_of_log(plant, record.model, record.noise, [slice(a, b)]) for a, b in pairs]
+            found += [part_of_log(plant, record.model, record.noise, [slice(a, b)], estimate) for a, b in pairs]
     return Segment(tuple(found), segment.name)
+
+
+def windows_by_log(plants: Sequence[Plant], segment: Segment) -> tuple[Segment, ...] | None:
+    """The windows of each log of a segment; None as for `windows_of`."""
+    pairs = zip(plants, segment.records, strict=True)
+    found = [windows_of([plant], replace(segment, records=(record,))) for plant, record in pairs]
+    shown = tuple(one for one in found if one is not None)
+    return shown if len(shown) == len(found) else None
 
 
 def has_unmeasured_state(plant: Plant, log: Log) -> bool:

@@ -123,6 +123,47 @@ def test_an_interrupt_says_what_is_kept(run, monkeypatch, tmp_path, work, call):
     assert not (tmp_path / "there").exists()
 
 
+@pytest.mark.parametrize(
+    ("work", "call", "kept"),
+    [
+        (
+            "ehsa_ctrl.report.figures.save",
+            ("montecarlo", "spread_steps", "--runs", "4", "--out", "there"),
+            "finished runs are kept in there; the same command continues with the others",
+        ),
+        (
+            "ehsa_ctrl.diagnosis.batch.LogBatch.to_pandas",
+            ("diagnose", "log.csv", "second.csv", "--plant", "ehsa", "--out", "there"),
+            "finished logs are kept in there; the same command continues with the others",
+        ),
+        (
+            "ehsa_ctrl.fleet.result.Fleet.to_dict",
+            ("fleet", "logs", "--plant", "ehsa", "--out", "there"),
+            "finished logs are kept in there; the same command continues with the others",
+        ),
+    ],
+)
+def test_an_interrupt_after_the_long_work_says_what_is_kept(run, monkeypatch, tmp_path, work, call, kept):
+    """Ctrl-C while the result is written, with all runs finished: the sentence speaks of them."""
+    plant = ehsa_ctrl.load_plant("ehsa")
+    log, _ = ehsa_ctrl.record(plant, *ehsa_ctrl.excitation("noise", amplitude=3, duration=4), centre=True)
+    for name in ("log.csv", "second.csv", "logs/a/2026-01-01.csv", "logs/a/2026-01-02.csv"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        log.write(tmp_path / name)
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(work, interrupted)
+        status, _, err = run(*call)
+
+    assert status == 130
+    assert err.splitlines()[-1] == f"ehsa-ctrl: interrupted; {kept}"
+    status, _, err = run(*call)
+    assert status == 0, err
+
+
 @pytest.mark.slow
 def test_no_color_is_kept(tmp_path):
     """NO_COLOR takes colours away even where they are asked for."""

@@ -157,6 +157,22 @@ def test_the_steps_of_a_drive_come_back(plant, step):
     assert best.terms[0].shapes["width"] == pytest.approx(step, rel=0.01)
 
 
+def test_steps_of_any_size_are_near_to_a_term_of_the_grid():
+    """Steps of a drive that lie between two terms: the nearer one explains most of what they leave of the current."""
+    current = np.linspace(-2.5, 2.5, 20001)
+
+    def steps(width):
+        return width * np.round(current / width) - current
+
+    known, units = {"current": current}, {"current": "A"}
+    grammar = Grammar("torque", (LawVariable("current", "A", current),), known, units)
+    widths = [term.shapes["width"] for term in grammar.terms() if "round" in term.text]
+    for count in np.random.default_rng(0).uniform(3.5, 35.0, 30):
+        true = steps(5.0 / count)
+        near = [steps(width) for width in widths if abs(width * count / 5.0 - 1.0) < 0.1]
+        assert max((one @ true) ** 2 / (one @ one) for one in near) > 0.8 * (true @ true)
+
+
 def test_friction_that_drives_the_motion_is_no_law():
     """A negative Coulomb level on a frictionless rod would move it by itself."""
     found = find_sums(*case(lambda x, v, d: -20.0 * d - 200.0 * v))

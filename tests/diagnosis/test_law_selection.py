@@ -11,15 +11,17 @@ from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
 
 
-def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0, terms=1):
-    """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data."""
+def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0, terms=1, windows=(None, None)):
+    """What `laws_of_best` sees of a law in free run. gaps, without: on training and held-out data. windows: deviances
+    in windows of both with the law, and without it.
+    """
 
-    def scored(deviance, gaps):
+    def scored(deviance, gaps, in_windows):
         training, held_out = ({"speed": gap, "total": gap} for gap in gaps)
-        return N(deviance=deviance, training_gap=training, held_out_gap=held_out)
+        return N(deviance=deviance, training_gap=training, held_out_gap=held_out, window_deviances=in_windows)
 
-    law = N(scored=scored(deviance, gaps), stable=True, law=N(grammar=N(name=place), terms=range(terms)))
-    return N(law=law, base=base, without=scored(deviance_without, without), terms=terms)
+    law = N(scored=scored(deviance, gaps, windows[0]), stable=True, law=N(grammar=N(name=place), terms=range(terms)))
+    return N(law=law, base=base, without=scored(deviance_without, without, windows[1]), terms=terms)
 
 
 def test_effects_that_imitate_a_law_are_not_named_beside_it():
@@ -87,6 +89,21 @@ def test_a_slip_in_the_held_out_data_does_not_hide_a_law_that_leaves_little():
     assert not found(2485.0, (0.0300, 0.0402))
     # At noise a small share of the deviance says nothing.
     assert not found(1980.0, (0.0066, 0.0402), before=2020.0) and not found(1700.0, (0.0066, 0.0402), before=1970.0)
+
+
+def test_a_wave_that_loses_its_phase_in_free_run_is_seen_in_windows():
+    """Its gap on held-out data is no smaller than without it; over 2 s from measured states it is, on both segments."""
+    plant = N(fit=N(candidates=()))
+
+    def found(deviance, windows, gaps=(0.0415, 0.1289)):
+        without = (0.0894, 0.1113), 18887.0
+        alone = tried_law("displacement", plant, deviance, gaps, *without, windows=(windows, (10366.0, 5701.0)))
+        return laws_of_best([alone], alone.without, Reference(1029.0, 22268.0, 0.09, 1.0)) == [alone]
+
+    assert found(8948.0, (2606.0, 2896.0))
+    assert not found(8948.0, (2606.0, 5400.0)) and not found(8948.0, (9800.0, 2896.0)) and not found(8948.0, None)
+    # Windows alone are not enough: all of the training data in one run must fit better too.
+    assert not found(17000.0, (2606.0, 2896.0))
 
 
 def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():

@@ -66,6 +66,18 @@ class Begin:
         pairs = zip(segment.records, self.starts, self.states, strict=True)
         return replace(segment, records=tuple(_begun(*pair) for pair in pairs))
 
+    def on_windows(self, by_log: Sequence[Segment]) -> tuple[Segment, ...] | None:
+        """The windows of each log with these states; None for those of a second log for validation."""
+        if not self.starts:
+            return tuple(by_log)
+        if len(by_log) != len(self.starts):
+            return None
+        of_log = zip(by_log, self.starts, self.states, strict=True)
+        return tuple(
+            replace(one, records=tuple(_begun(record, start, states) for record in one.records))
+            for one, start, states in of_log
+        )
+
 
 def _begun(record: Record, start: float, states: Mapping[str, np.ndarray]) -> Record:
     model = record.model

@@ -204,22 +204,42 @@ def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, p
     return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] < far]
 
 
+def screen_in_windows(
+    laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, pool: Pool, far: float
+) -> list[LawFit]:
+    """As `screen_laws`, by the deviance above noise over windows of the training data."""
+
+    def left(law: LawFit) -> float:
+        start = _Start.of(law, scoring, base)
+        return start.scoring.window_deviance(0, start.values)
+
+    found = pool.map("laws", left, list(laws))
+    return [laws[int(i)] for i in np.argsort(found, kind="stable") if found[int(i)] < far]
+
+
 def refit_laws(
     laws: Sequence[LawFit],
     scoring: Scoring,
     base: HypothesisFit,
     pool: Pool,
     others: Sequence[Setting] | None = None,
+    *,
+    by_windows: bool = False,
 ) -> list[FreeRunLaw]:
     """Each law refitted beside the effects of a hypothesis, from its values; those that can be simulated.
 
-    others: of each law, values of the other parameters to begin with, see `_Start.of`.
+    others: of each law, values of the other parameters to begin with, see `_Start.of`. by_windows: over windows of the
+    training data first, in which a wave keeps its phase.
     """
 
     def one(started: tuple[LawFit, Setting | None]) -> FreeRunLaw | None:
         begin = _Start.of(started[0], scoring, base, started[1])
         own, candidate, file, start = begin.scoring, begin.candidate, begin.file, begin.values
-        fit = refit(own.objective, (*base.candidates, candidate), start, {}, steps=STEPS, renew_after=RENEW)
+        candidates = (*base.candidates, candidate)
+        if by_windows and (smooth := own.objective_in_windows) is not None:
+            over_windows = refit(smooth, candidates, start, {}, steps=STEPS, renew_after=RENEW)
+            start = start if over_windows is None else over_windows.values
+        fit = refit(own.objective, candidates, start, {}, steps=STEPS, renew_after=RENEW)
         if fit is None:
             return None
         scored, sd = own.score(fit), own.standard_deviations(fit)
@@ -238,14 +258,20 @@ def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd:
 
 def with_effect(segment: Segment, effect: Effect, begin: Begin) -> Segment:
     """The same segment with an effect, neutral, in every model. begin: of its states."""
-    records = tuple(replace(r, model=model_with(r.model, effect)) for r in segment.records)
-    return begin.on(replace(segment, records=records))
+    return begin.on(_with(segment, effect))
+
+
+def _with(segment: Segment, effect: Effect) -> Segment:
+    return replace(segment, records=tuple(replace(r, model=model_with(r.model, effect)) for r in segment.records))
 
 
 def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
     training, held_out = (with_effect(one, effect, begin) for one in (scoring.training, scoring.held_out))
     objective: Objective = replace(scoring.objective, model=training.model, segment=training)
-    return replace(scoring, objective=objective, training=training, held_out=held_out)
+    windows = [begin.on_windows([_with(one, effect) for one in by_log]) for by_log in scoring.windows or ()]
+    begun = tuple(one for one in windows if one is not None)
+    both = (begun[0], begun[1]) if len(begun) == 2 else None
+    return replace(scoring, objective=objective, training=training, held_out=held_out, windows=both)
 
 
 def model_with(model: HypothesisModel, effect: Effect) -> HypothesisModel:

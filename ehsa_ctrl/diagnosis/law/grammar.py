@@ -19,7 +19,7 @@ from ...plant.arrays import array_evaluator
 from ...plant.plant import Plant
 from ..regressors import balance_contact, contact_efforts, torque_drive
 from ..unknown_inputs import DIRECTION, BalanceSignals
-from .memory import ACCELERATION, STATE, Memory, MemoryTerm
+from .memory import ACCELERATION, ORDER, STATE, Memory, MemoryTerm
 from .memory_terms import memory_terms
 
 #: Quantiles of a variable that are tried as locations, and shares of its range as widths. Engineering judgement.
@@ -29,8 +29,11 @@ WIDTHS = (0.04, 0.08, 0.16, 0.32)
 PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: Levels in the range of a current that are tried, for a drive that sets it in steps; so near to each other that the
 #: steps still fit at both ends of the range. Engineering judgement.
-LEVELS = tuple(np.arange(3.0, 36.0, 0.25).tolist())
+LEVELS = tuple(np.arange(3.0, 36.0, 0.1).tolist())
 
+#: An order of a wave over the angle is whole if it differs from that by so much of itself: an error in it that a fit to
+#: a log leaves. Engineering judgement.
+NEARLY_WHOLE = 0.01
 #: Share of the largest speed nearby that may be ringing of the fit of the direction. Engineering judgement.
 RINGING = 0.1
 
@@ -94,6 +97,17 @@ class Term:
     @property
     def family(self) -> str:
         return self.text if self.memory is None else f"{self.text}; {self.memory.rates}"
+
+    @property
+    def with_whole_order(self) -> Term:
+        """The same wave of the nearest whole order, if its order is nearly whole."""
+        order = self.shapes.get(ORDER)
+        if order is None or abs(order - round(order)) > NEARLY_WHOLE * order:
+            return self
+        shapes = {name: value for name, value in self.shapes.items() if name != ORDER}
+        units = {name: unit for name, unit in self.units.items() if name != ORDER}
+        whole = f"{order:.0f} * " if round(order) > 1 else ""
+        return replace(self, text=self.text.replace(f"{ORDER} * ", whole), shapes=shapes, units=units)
 
 
 @dataclass(frozen=True)

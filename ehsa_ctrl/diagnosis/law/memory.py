@@ -42,6 +42,8 @@ KINKS = (0.0, 1.0, -1.0)
 
 #: Local name of a state in terms and rates; a second one has the rate of the first.
 STATE, RATE = "memory", "memory_rate"
+#: Local name of the number of waves in a turn.
+ORDER = "order"
 #: What goes towards an end value with the running time; long before its time constant tau it is STATE / tau.
 TOWARDS_END = f"(1 - exp(-{STATE} / tau))"
 
@@ -192,24 +194,18 @@ def lag(of: str, unit: str, size: float) -> Memory:
     return Memory({STATE: f"({of} - {STATE}) / tau"}, {STATE: unit}, {STATE: max(size, 1e-300)})
 
 
-def late_direction(direction: str, *, forgets: bool, begins: float = 0.0) -> Memory:
-    """What follows the direction of a contact, which is zero at rest, with the time constant tau of motion.
+def late_direction(direction: str, *, forgets: bool, begins: float = 0.0) -> tuple[str, Memory]:
+    """What dry friction lacks of its level while its direction is late: the term, and the state that follows the
+    direction of the contact, which is zero at rest, with the time constant tau of motion.
 
     forgets: it begins near zero after each reversal, whatever was before: the rest of the other direction decays about
     FORGETS times as fast. begins: its value at the start, from which the state counts: the direction of the first
     motion if the contact has settled before the log, or zero if it has just reversed.
     """
-    now = f"({STATE}{_plus(begins)})" if begins else STATE
+    now, late = f"({STATE}{_plus(begins)})" if begins else STATE, f"({direction} - {STATE}{_plus(-begins)}"
     away = f" + {FORGETS:g} * {direction} * max(-{direction} * {now}, 0)" if forgets else ""
-    rate = f"({direction} - {STATE}{_plus(-begins)}{away}) / tau * abs({direction})"
-    return Memory({STATE: rate}, {STATE: "1"}, {STATE: 1.0})
-
-
-def lacks(direction: str, *, forgets: bool, begins: float = 0.0) -> str:
-    """What dry friction lacks of its level while its direction is late: a term, see `late_direction`."""
-    if forgets:
-        return f"{direction} * (1 - abs({STATE}{_plus(begins)}))"
-    return f"({direction} - {STATE}{_plus(-begins)})"
+    memory = Memory({STATE: f"{late}{away}) / tau * abs({direction})"}, {STATE: "1"}, {STATE: 1.0})
+    return f"{direction} * (1 - abs({STATE}{_plus(begins)}))" if forgets else f"{late})", memory
 
 
 def _plus(number: float) -> str:
@@ -250,8 +246,8 @@ def over_angle(speed: str) -> Iterator[MemoryTerm]:
     """Waves over the angle since the start."""
     for order in ORDERS:
         for phase in (0.0, 0.5 * np.pi):
-            shapes, units = {"order": order, "at": phase}, {"order": "1", "at": "1"}
-            yield MemoryTerm(f"sin(order * {STATE} + at)", turn(speed), shapes, units, ("angle",))
+            shapes, units = {ORDER: order, "at": phase}, {ORDER: "1", "at": "1"}
+            yield MemoryTerm(f"sin({ORDER} * {STATE} + at)", turn(speed), shapes, units, ("angle",))
 
 
 def following(

@@ -22,7 +22,6 @@ from .memory import (
     STATE,
     MemoryTerm,
     following,
-    lacks,
     late_direction,
     over_angle,
     over_time,
@@ -86,8 +85,7 @@ def _friction(contact: Contact, known: Known) -> Iterator[MemoryTerm]:
     anew = [tau for tau in LAGS if tau > QUICK[0]]
     for forgets, taus in ((False, LAGS), (True, anew)):
         for begins in dict.fromkeys((0.0, first)):
-            memory = late_direction(d, forgets=forgets, begins=begins)
-            text = lacks(d, forgets=forgets, begins=begins)
+            text, memory = late_direction(d, forgets=forgets, begins=begins)
             for tau in taus:
                 yield MemoryTerm(text, memory, {"tau": tau}, {"tau": "s"}, ("reversal",))
 

@@ -79,6 +79,15 @@ class LawFit:
         return [replace(self, terms=terms, factors=factors, sd=sd) for terms, factors, sd in columns]
 
     @property
+    def with_whole_orders(self) -> LawFit | None:
+        """The same sum with waves that meet again after a turn, where their order is nearly whole; None without one.
+
+        A fitted order is a little off, and a wave over hundreds of turns out of phase at their end.
+        """
+        terms = tuple(term.with_whole_order for term in self.terms)
+        return None if terms == self.terms else replace(self, terms=terms)
+
+    @property
     def dissipates(self) -> bool:
         """Whether its friction, together with that of the plant, opposes the motion."""
         grammar = self.grammar
