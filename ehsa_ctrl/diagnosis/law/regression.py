@@ -405,14 +405,17 @@ def _selected(problem: _SumProblem, allowed: Sequence[int], most_terms: int) -> 
 
 
 def _varied(problem: _SumProblem, found: Sequence[RankedSum]) -> list[RankedSum]:
-    """The best sums, and the best one of each size for each set of variables.
+    """The best sums, and the best one of each size for each set of variables; of single terms, for each family.
 
-    Small errors of the balances at high frequency are explained well, and hardly matter in free run.
+    Small errors of the balances at high frequency are explained well, and hardly matter in free run. Of two terms of a
+    current, the wrong one may explain more: steps of a drive look like a brake that drags at a low one.
     """
     ranked = sorted(found, reverse=True)
-    best: dict[tuple[int, frozenset[str]], RankedSum] = {}
+    best: dict[tuple[int, frozenset[str], str], RankedSum] = {}
     for share, chosen in ranked:
-        best.setdefault((len(chosen), variables_of([problem.terms[i] for i in chosen])), (share, chosen))
+        terms = [problem.terms[i] for i in chosen]
+        family = terms[0].family if len(terms) == 1 else ""
+        best.setdefault((len(terms), variables_of(terms), family), (share, chosen))
     return list(dict.fromkeys([*ranked[:3], *sorted(best.values(), reverse=True)]))[:KEPT]
 
 
