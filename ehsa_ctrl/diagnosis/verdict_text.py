@@ -104,7 +104,9 @@ def _law(d: Diagnosis) -> str:
     """The law, how much of the gap it closes, and how much of it the causes close that it replaces."""
     assert d.law is not None
     beside = f" beside {join_words(d.law.beside)}" if d.law.beside else ""
-    closed = f"{100 * d.law.forms[0].gap_closed:.0f} % of the total gap on held-out data"
+    percent = round(100 * d.law.forms[0].gap_closed)
+    # A wave loses its phase: windows show the law, and the held-out data in one run do not.
+    closed = f"{f'{percent} %' if percent > 0 else 'nothing'} of the total gap on held-out data"
     instead = [cause.name for cause in d.effects if cause.id not in d.law.beside]
     share = f"{100 * d.explained:.0f} %"
     others = f" Without it, {join_words(instead)} would close {share}." if instead and not d.law.beside else ""

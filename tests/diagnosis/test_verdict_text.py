@@ -1,6 +1,7 @@
 """A headline says which data its figures are of, and has those of the table below it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from ehsa_ctrl import load_plant
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.closed_loop_replay import ClosedLoopReplay
 from ehsa_ctrl.diagnosis.diagnosis import MODELS, Cause, CauseParameter, Diagnosis, LogGap
-from ehsa_ctrl.diagnosis.verdict_text import advice, with_alternatives
+from ehsa_ctrl.diagnosis.verdict_text import _law, advice, with_alternatives
 from ehsa_ctrl.report.kinds._diagnosis_causes import parameter_rows
 
 
@@ -125,6 +126,14 @@ def test_several_logs_are_spoken_of_in_the_plural():
     assert "; these logs can't separate these alternatives." in several.splitlines()[0]
     assert "    these logs can't separate it from orifice_leakage" in several and "this log" not in several
     assert "this log can't separate" in str(replace(one, effects=(cause,)))
+
+
+@pytest.mark.parametrize(("closed", "words"), [(0.837, "84 % of the total gap"), (-0.12, "nothing of the total gap")])
+def test_a_law_that_only_windows_show_closes_nothing(closed, words):
+    """Not a negative share."""
+    law = SimpleNamespace(beside=(), forms=[SimpleNamespace(gap_closed=closed)], words="c_1 * sin(c_m_1)")
+
+    assert f"closes {words} on held-out data" in _law(SimpleNamespace(law=law, effects=(), explained=0.0))
 
 
 def test_a_proposed_law_is_to_be_confirmed():
