@@ -221,7 +221,7 @@ def _then(found: Diagnosis, improved: Path) -> str:
     from ..diagnosis.diagnosis import NAMING
 
     if found.law is not None and found.gap["with_law"]["total"] > found.gap["nominal"]["total"]:
-        return f"; {improved.name} has the law of effects/ beside it, but a free run leaves more than the nominal plant's"
+        return f"; {improved.name} has the law of effects/ beside it; its free run leaves more than the nominal plant's"
     if found.law is not None:
         return f"; use the corrected plant as --plant {improved}, which has the law of effects/ beside it"
     if found.verdict in NAMING:

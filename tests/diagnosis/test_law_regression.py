@@ -159,8 +159,8 @@ def test_the_steps_of_a_drive_come_back(plant, step):
 
 
 def test_each_family_of_a_variable_is_tried_alone():
-    """A brake that drags at a low current explained 0.54 of a torque, and steps of the drive 0.63. Of sums, and within a
-    family, the better one is tried.
+    """A brake that drags at a low current explained 0.54 of a torque, and steps of the drive 0.63. Of sums, and within
+    a family, the better one is tried.
     """
     current = frozenset({"current"})
     brake, steps = Term("d_M * (at - abs(current))", current), Term("width * round(current / width)", current)

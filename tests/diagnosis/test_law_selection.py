@@ -199,22 +199,46 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
 def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
     """Of three terms one tells nothing; without either of the others the law leaves much more."""
     deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
+    first, reference, law = laws_by_terms(monkeypatch, deviances)
+
+    found = find._with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
+
+    best = find.laws_of_best(found, found[0].without, reference)
+    assert best[0].law.scored.deviance == 340.0
+    assert sorted(one.law.scored.deviance for one in found) == [300.0, 340.0, 800.0, 900.0, 2000.0, 2000.0]
+
+
+def test_what_the_closest_law_needs_may_be_the_best(monkeypatch):
+    """Pressure and time with a second term are ahead by less than the margin of an exponential approach alone, which
+    was tried; without that term they are ahead of both."""
+    deviances = {"ab": 239.0, "e": 274.0, "a": 200.0, "b": 900.0}
+    first, reference, law = laws_by_terms(monkeypatch, deviances)
+    exponential, closest = first(law("e")), first(law("ab"))
+    assert find.laws_of_best([exponential, closest], exponential.without, reference) == [exponential]
+
+    found = find._with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
+
+    assert find.laws_of_best(found, exponential.without, reference)[0].law.scored.deviance == 200.0
+    # Each is refitted once.
+    assert sorted(one.law.scored.deviance for one in found) == [200.0, 239.0, 274.0, 900.0]
+
+
+def laws_by_terms(monkeypatch, deviances):
+    """Laws of which each letter is a term; refitted, they have these deviances."""
+
+    class Terms(str):
+        families = property(tuple)
 
     def law(terms):
         found = tried_law("force", None, deviances[terms], (0.007, 0.01), (0.06, 0.11), terms=len(terms)).law
-        fewer = [terms.replace(one, "") for one in terms]
+        fewer = [Terms(terms.replace(one, "")) for one in terms] if len(terms) > 1 else []
         return N(**vars(found), others={}, refitted=N(with_one_term_less=fewer))
 
     monkeypatch.setattr(find, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
     rest = {"total": 0.06}
     base = find.LawBase((), N(candidates=()))
-    first = find._Tried(law("abc"), base, N(training_gap=rest, held_out_gap=rest, deviance=3000.0), None, 0.0)
-    reference = Reference(0.0, 4000.0, 0.06, 1.0)
-
-    found = find._with_fewer_terms([first], first.without, None, reference, None)
-
-    assert find.laws_of_best(found, first.without, reference)[0].law.scored.deviance == 340.0
-    assert sorted(one.law.scored.deviance for one in found) == [300.0, 340.0, 800.0, 900.0, 2000.0, 2000.0]
+    without = N(training_gap=rest, held_out_gap=rest, deviance=3000.0)
+    return lambda one: find._Tried(one, base, without, None, 0.0), Reference(0.0, 4000.0, 0.06, 1.0), law
 
 
 def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out():

@@ -299,13 +299,24 @@ def _with_fewer_terms(
 ) -> list[_Tried]:
     """Laws with the best of them without one of its terms, as long as that is better. last: as in `laws_of_best`.
 
-    The regression takes terms that its errors need, and a free run does not.
+    The regression takes terms that its errors need, and a free run does not. The law of the lowest deviance is tried
+    like that too, if it has more terms than the best: without what it does not need, it may be the best.
     """
+    known: list[tuple[str, ...]] = []
 
-    def fewer(_: Sequence[_Tried], alike: Sequence[_Tried]) -> list[_Tried]:
+    def fewer(tried: Sequence[_Tried], alike: Sequence[_Tried]) -> list[_Tried]:
         best = alike[0]
-        laws = best.law.refitted.with_one_term_less
-        refitted = refit_laws(laws, scoring, best.base.fit, pool, [best.law.others] * len(laws))
+        name = best.law.law.grammar.name
+        same = [one for one in tried if one.base is best.base and one.law.law.grammar.name == name and one.law.stable]
+        lowest = min(same, key=lambda one: one.law.scored.deviance)
+        pairs = []
+        for of in [best, lowest] if lowest.terms > best.terms else [best]:
+            for law in of.law.refitted.with_one_term_less:
+                if law.families not in known:
+                    known.append(law.families)
+                    pairs.append((of, law))
+        others = [of.law.others for of, _ in pairs]
+        refitted = refit_laws([law for _, law in pairs], scoring, best.base.fit, pool, others)
         return [replace(best, law=law) for law in refitted]
 
     return _as_long_as_better(tried, last, reference, fewer)
@@ -405,9 +416,8 @@ def _varied(laws: Sequence[LawFit]) -> list[LawFit]:
     """Those that come first, at most EACH for each unknown input and each family of terms."""
     kept: list[LawFit] = []
     for one in laws:
-        families = tuple(sorted(term.family for term in one.terms))
         same = [other for other in kept if other.grammar.name == one.grammar.name]
-        if len(same) < EACH and families not in [tuple(sorted(t.family for t in other.terms)) for other in same]:
+        if len(same) < EACH and one.families not in [other.families for other in same]:
             kept.append(one)
     return kept
 

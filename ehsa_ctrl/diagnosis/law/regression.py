@@ -70,6 +70,11 @@ class LawFit:
         return len(self.terms) + sum(len(term.shapes) for term in self.terms)
 
     @property
+    def families(self) -> tuple[str, ...]:
+        """What is the same in sums that differ in their numbers alone."""
+        return tuple(sorted(term.family for term in self.terms))
+
+    @property
     def with_one_term_less(self) -> list[LawFit]:
         """The same sum without each of its terms; nothing for a single one."""
         if len(self.terms) == 1:
