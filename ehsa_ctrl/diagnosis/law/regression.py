@@ -374,9 +374,13 @@ def _find_sums(problem: _SumProblem, grammar: Grammar, most_terms: int) -> list[
     fits = [_fit(problem, grammar, chosen, share) for share, chosen in _varied(problem, found)]
     stable = [one for one in (_stable(grammar, problem.target, fit) for fit in fits) if one is not None]
     distinct: list[LawFit] = []
+    alone: list[frozenset[str]] = []
     for one in sorted(stable, key=lambda fit: -fit.explained):
-        if one.dissipates and not any(_alike(one, other) for other in distinct):
+        single = [variables_of(one.terms)] if len(one.terms) == 1 else []
+        known = any(variables in alone for variables in single)
+        if one.dissipates and not known and not any(_alike(one, other) for other in distinct):
             distinct.append(one)
+            alone += single
     return distinct
 
 
@@ -412,8 +416,9 @@ def _selected(problem: _SumProblem, allowed: Sequence[int], most_terms: int) -> 
 def _varied(problem: _SumProblem, found: Sequence[RankedSum]) -> list[RankedSum]:
     """The best sums, and the best one of each size for each set of variables; of single terms, for each family.
 
-    Small errors of the balances at high frequency are explained well, and hardly matter in free run. Of two terms of a
-    current, the wrong one may explain more: steps of a drive look like a brake that drags at a low one.
+    Small errors of the balances at high frequency are explained well, and hardly matter in free run. Of single terms of
+    the same variables, the one that explains most is known once their shapes are fitted: on the grid, steps of a drive
+    explained more of a brake's torque than the brake.
     """
     ranked = sorted(found, reverse=True)
     best: dict[tuple[int, frozenset[str], str], RankedSum] = {}
