@@ -90,12 +90,12 @@ def compiling() -> Iterator[None]:
 def continuing(what: str, folder: Path | None, *records: Path) -> Iterator[None]:
     """Give Ctrl-C, wherever it comes, the message that what is finished is kept, once one of the records exists.
 
-    what: plural of what is finished. folder: where it is kept; None if it is not.
+    what: plural of what is finished. folder: where it is kept; without records, None.
     """
     try:
         yield
     except KeyboardInterrupt as stopped:
-        if folder is None or not any(record.exists() for record in records):
+        if not any(record.exists() for record in records):
             raise
         kept = f"finished {what} are kept in {folder}; the same command continues with the others"
         raise KeyboardInterrupt(kept) from stopped

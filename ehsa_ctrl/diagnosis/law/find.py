@@ -22,6 +22,7 @@ from .begin import Begin
 from .free_run import RENEW, STEPS, FreeRunLaw, kept_effect, refit_laws, screen_in_windows, screen_laws
 from .grammar import variables_of
 from .inputs import LawInput, law_inputs, with_combined
+from .judgement import clearly_better, leaves_less_gap, replaces
 from .proposed import LawForm, ProposedLaw
 from .regression import LawFit, evidence, explained_by, sums_and_placebo
 
@@ -42,8 +43,6 @@ FAR, FAR_HELD = 2.0, 8.0
 #: terms takes the place of SIMPLER causes at least. Five causes stood for a leak in one direction, which is one term;
 #: on a measured record three terms leave a third of what the carriage's three published causes do, and replace nothing.
 FEW, SIMPLER = 2, 2
-#: Of a law that leaves this share of the deviance above noise, the held-out gap need only be no larger.
-SURE = 0.2
 #: A sum that explains this share of the unknown input is tried in windows, and at most so many are refitted from there.
 SHOWN, MOST_IN_WINDOWS = 0.4, 3
 
@@ -359,9 +358,7 @@ def _try(
     chosen += promising([*sums, *valves], screening, base.fit, most, far, pool)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
-    waves = [law for one in sums if (law := one.with_whole_orders) is not None]
-    others = [one for one in sums if one.with_whole_orders is not None or not any(one is other for other in chosen)]
-    refitted += _in_windows([*waves, *others], scoring, base.fit, without, pool)
+    refitted += _in_windows(sums, chosen, scoring, base.fit, without, pool)
     refitted += refit_laws(_reduced(refitted, inputs), scoring, base.fit, pool)
     limits = [(law, one.others) for one in refitted if (law := one.proportional) is not None]
     linear = _with_explained([law for law, _ in limits], inputs)
@@ -372,15 +369,27 @@ def _try(
 
 
 def _in_windows(
-    sums: Sequence[LawFit], scoring: Scoring, fit: HypothesisFit, without: ScoredHypothesis, pool: Pool
+    sums: Sequence[LawFit],
+    chosen: Sequence[LawFit],
+    scoring: Scoring,
+    fit: HypothesisFit,
+    without: ScoredHypothesis,
+    pool: Pool,
 ) -> list[FreeRunLaw]:
-    """Laws that windows show to be promising, in free run, refitted over these first: as they were found, waves lose
-    their phase there.
+    """Laws that windows show to be promising, in free run, refitted over these first: waves, which lose their phase in
+    a free run as they were found, and what was not chosen by its gap there.
     """
     if without.window_deviances is None:
         return []
-    sure = [one for one in sums if one.explained > SHOWN]
-    found = screen_in_windows(sure, scoring, fit, pool, BETTER * without.window_deviances[0])
+    tried = []
+    for one in sums:
+        if one.explained <= SHOWN:
+            continue
+        if (whole := one.with_whole_orders) is not None:
+            tried += [whole, one]
+        elif not any(one is other for other in chosen):
+            tried.append(one)
+    found = screen_in_windows(tried, scoring, fit, pool, BETTER * without.window_deviances[0])
     return refit_laws(_varied(found)[:MOST_IN_WINDOWS], scoring, fit, pool, by_windows=True)
 
 
@@ -459,7 +468,7 @@ def _select(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Referenc
         placebo=max(best.placebo, 0.0),
         beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
     )
-    by_windows = not _leaves_less_gap(best.law.scored, best.without, reference)
+    by_windows = not leaves_less_gap(best.law.scored, best.without, reference)
     return FoundLaw.of(proposed, [one.law for one, _ in likely], best.without, by_windows=by_windows)
 
 
@@ -489,7 +498,7 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
     The lowest deviance first. last: the last hypothesis without a law.
     """
     good = [one for one in tried if clearly_better(one.law.scored, one.without, reference) and one.law.stable]
-    good = [one for one in good if _replaces(one.law.scored, last, reference)]
+    good = [one for one in good if replaces(one.law.scored, last, reference)]
     if not good:
         return []
     good.sort(key=lambda one: one.law.scored.deviance)
@@ -498,49 +507,3 @@ def laws_of_best(tried: Sequence[_Tried], last: ScoredHypothesis, reference: Ref
     best = min(good, key=lambda one: one.law.scored.deviance + margin * (len(one.base.fit.candidates) + one.terms))
     alike = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
     return [one for one in alike if one.terms <= best.terms]
-
-
-def clearly_better(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
-    """Whether a law leaves clearly less than the hypothesis without it: of the deviance above noise, and of the gap
-    beyond the floor, on training and held-out data, or of the deviance in windows of both. One that leaves hardly any
-    of the deviance must leave no more held-out gap.
-
-    Where rod and spring stick, single slips make up most of the gap of any model, and the robust deviance gives them
-    little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
-    speed that imitated an error of the position sensor left half of the gap, and 1.2 of the deviance. A wave over the
-    shaft angle loses its phase where the speed is slightly wrong, and in windows it has not the time to: waves left
-    0.01 to 0.5 of the deviance there, laws that were none 0.95 and more.
-    """
-    after, before = reference.unexplained(one), reference.unexplained(without)
-    less = _leaves_less_gap(one, without, reference) or _better_in_windows(one, without)
-    # Where neither leaves more than noise, as beside a valve that opens for a few samples, the gaps tell.
-    return less and after <= BETTER * before and one.deviance < without.deviance
-
-
-def _leaves_less_gap(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
-    after, before = reference.unexplained(one), reference.unexplained(without)
-    # One slip at another moment of the held-out data left the true law three quarters of the gap there.
-    sure = before > reference.margin(one) and after <= SURE * before
-    limits = BETTER, 1.0 if sure else BETTER
-    gaps = zip(reference.beyond_floor(one), reference.beyond_floor(without), limits, strict=True)
-    return all(left <= limit * gap for left, gap, limit in gaps)
-
-
-def _better_in_windows(one: ScoredHypothesis, without: ScoredHypothesis) -> bool:
-    if one.window_deviances is None or without.window_deviances is None:
-        return False
-    pairs = zip(one.window_deviances, without.window_deviances, strict=True)
-    return all(after < BETTER * before for after, before in pairs)
-
-
-def _replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference) -> bool:
-    """Whether a law is clearly better than a hypothesis of effects: on held-out data, or by the margin in deviance, and
-    leaves no more on either, beyond the floor, that matters.
-
-    Effects that imitate the law on the training data may leave there as little as it does, and with many numbers less.
-    """
-    clearly = one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
-    no_more = reference.beyond_floor(one)[1] <= reference.beyond_floor(without)[1] or _better_in_windows(one, without)
-    ahead = no_more and one.deviance < without.deviance - reference.margin(one)
-    more = reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
-    return (clearly or ahead) and not more

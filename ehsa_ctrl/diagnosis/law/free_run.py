@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -200,8 +200,7 @@ def screen_laws(laws: Sequence[LawFit], scoring: Scoring, base: HypothesisFit, p
     A regression on measured signals is no such test: a law of the pressures fits any error of the friction, because
     the pressures balance the friction.
     """
-    gaps = pool.map("laws", lambda law: gap_as_found(law, scoring, base), list(laws))
-    return [laws[int(i)] for i in np.argsort(gaps, kind="stable") if gaps[int(i)] < far]
+    return _nearest(laws, lambda law: gap_as_found(law, scoring, base), pool, far)
 
 
 def screen_in_windows(
@@ -213,6 +212,11 @@ def screen_in_windows(
         start = _Start.of(law, scoring, base)
         return start.scoring.window_deviance(0, start.values)
 
+    return _nearest(laws, left, pool, far)
+
+
+def _nearest(laws: Sequence[LawFit], left: Callable[[LawFit], float], pool: Pool, far: float) -> list[LawFit]:
+    """The laws that leave less than `far`, the smallest first. left: of a law."""
     found = pool.map("laws", left, list(laws))
     return [laws[int(i)] for i in np.argsort(found, kind="stable") if found[int(i)] < far]
 
@@ -268,10 +272,11 @@ def _with(segment: Segment, effect: Effect) -> Segment:
 def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
     training, held_out = (with_effect(one, effect, begin) for one in (scoring.training, scoring.held_out))
     objective: Objective = replace(scoring.objective, model=training.model, segment=training)
-    windows = [begin.on_windows([_with(one, effect) for one in by_log]) for by_log in scoring.windows or ()]
-    begun = tuple(one for one in windows if one is not None)
-    both = (begun[0], begun[1]) if len(begun) == 2 else None
-    return replace(scoring, objective=objective, training=training, held_out=held_out, windows=both)
+    windows = scoring.windows
+    if windows is not None:
+        fitted, kept = (begin.on_windows([_with(one, effect) for one in by_log]) for by_log in windows)
+        windows = None if fitted is None or kept is None else (fitted, kept)
+    return replace(scoring, objective=objective, training=training, held_out=held_out, windows=windows)
 
 
 def model_with(model: HypothesisModel, effect: Effect) -> HypothesisModel:
