@@ -136,8 +136,8 @@ class FoundLaw:
         if not self.by_windows:
             return ""
         return (
-            f"the law was judged by runs of {WINDOW:g} s that begin with measured states: in a free run over all "
-            "held-out data a lost phase or a single slip decides the gap"
+            f"the law was judged by runs of {WINDOW:g} s that begin with measured states: in one free run over "
+            "training or held-out data, a lost phase or a single slip decides the gap"
         )
 
     @property
