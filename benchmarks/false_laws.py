@@ -33,19 +33,13 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.core.parallel import one_blas_thread
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Task
-from ehsa_ctrl.diagnosis.law.find import (
-    MOST,
-    LawBase,
-    beyond_chance,
-    clearly_better,
-    find_law,
-    promising,
-    with_typical_priors,
-    without_law,
-)
+from ehsa_ctrl.diagnosis.law.find import MOST, find_law, with_typical_priors, without_law
 from ehsa_ctrl.diagnosis.law.free_run import refit_laws
 from ehsa_ctrl.diagnosis.law.inputs import LawInput
+from ehsa_ctrl.diagnosis.law.judgement import clearly_better
+from ehsa_ctrl.diagnosis.law.promising import beyond_chance, promising
 from ehsa_ctrl.diagnosis.law.regression import sums_and_placebo
+from ehsa_ctrl.diagnosis.law.tried import LawBase
 from ehsa_ctrl.diagnosis.model_selection import Reference
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool

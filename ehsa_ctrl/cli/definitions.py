@@ -14,6 +14,7 @@ from ..core.catalogue import controllers, is_shipped, plants, shipped
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
 from ..core.log import CHANNELS
+from ..core.unit import unit_suffix
 from ..design.kinds import CONTROLLER_KINDS, ControllerKind
 from ..design.load import read_controller
 from ..design.specification import definition_keys
@@ -193,15 +194,14 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
     limits = []
     for metric, known in METRICS.items():
         if not begun.definition.reason_undefined(metric):
-            size, unit = (
-                EXAMPLE_LIMITS.get(known.display_unit, "10"),
-                "" if known.display_unit == "1" else f" {known.display_unit}",
-            )
+            size, unit = EXAMPLE_LIMITS.get(known.display_unit, "10"), unit_suffix(known.display_unit)
             value = f'{{ max = "{size}{unit}" }}' if unit else f"{{ max = {size} }}"
             limits.append(KeyLine(metric, value, known.meaning + (f" [{known.display_unit}]" if unit else "")))
     more: dict[str, Sequence[KeyLine | str]] = {
         "settings": [
-            KeyLine(symbol, to_toml(p.written or f"{p.value:g} {p.unit}"), f"{kinds[symbol].meaning} [{p.unit}]")
+            KeyLine(
+                symbol, to_toml(p.written or f"{p.value:g}{unit_suffix(p.unit)}"), f"{kinds[symbol].meaning} [{p.unit}]"
+            )
             for symbol, p in loaded.parameters.items()
             if symbol not in LOAD_SYMBOLS.values()
         ],

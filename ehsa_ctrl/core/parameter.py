@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 
 from .errors import InputError
+from .unit import unit_suffix
 
 #: A value that differs from the file's by more than this factor is probably in another unit. Engineering judgement:
 #: mm, kN and g are off by 1e3.
@@ -57,7 +58,12 @@ class Parameter:
     def given(self, value: float) -> Parameter:
         """The parameter with a value set for one run. The standard deviation, that of the old value, is dropped."""
         return replace(
-            self, value=value, source="given", sd=None, written=f"{value:g} {self.unit}", stated=self.stated or self
+            self,
+            value=value,
+            source="given",
+            sd=None,
+            written=f"{value:g}{unit_suffix(self.unit)}",
+            stated=self.stated or self,
         )
 
     @property
@@ -76,8 +82,9 @@ class Parameter:
         hint = (
             f"; a number without a unit is in {self.unit}; if {own} is meant, write {self.name}='{self.value:g} {own}'"
         )
-        return f"{self.name} = {self.value:g} {self.unit} is {times} the file's {number} {own}" + (
-            hint if own and own != self.unit else ""
+        return (
+            f"{self.name} = {self.value:g}{unit_suffix(self.unit)} is {times} the file's {number}{unit_suffix(own)}"
+            + (hint if own and own != self.unit else "")
         )
 
 

@@ -118,6 +118,11 @@ def _quantity(unit: str) -> Any:
         ) from error
 
 
+def unit_suffix(unit: str) -> str:
+    """A unit as it follows a number in text; empty for a number without one ("1")."""
+    return "" if unit in ("", "1") else f" {unit}"
+
+
 @cache
 def factor(unit: str, expected: str) -> float:
     """Size of one `unit` in the SI unit `expected`.

@@ -20,7 +20,7 @@ from ..core.catalogue import controllers, shipped
 from ..core.definition import validate
 from ..core.errors import InputError, choices
 from ..core.files import read_toml
-from ..core.unit import parse, parse_angular_frequency
+from ..core.unit import parse, parse_angular_frequency, unit_suffix
 from .analysis.closed_loop import INPUTS, OUTPUTS, close_loop, discrete_response, spectral_radius
 from .analysis.loop import LoopAnalysis, analyse_loop
 from .analysis.sampled import drive_unit_of
@@ -267,7 +267,7 @@ def design(
         # 0.1 % of tolerance: tuner and bisection stop near a bound, not on it.
         if got < value * (1 - 1e-3) if which == "least" else got > value * (1 + 1e-3):
             raise InputError(
-                f"{word} = {value:.4g}{f' {unit}' if unit != '1' else ''} is required as the {which} value; "
+                f"{word} = {value:.4g}{unit_suffix(unit)} is required as the {which} value; "
                 f"the loop of this {kind.name} has {got:.4g}: change its specification with --spec, or relax the "
                 "requirement"
             )

@@ -37,8 +37,10 @@ from .hypothesis_model import (
 from .hypothesis_search import Hypotheses, search
 from .improved_plant import improved_plant
 from .law.experiment import form_experiment
-from .law.find import FoundLaw, LawBase, find_law, law_is_sought, without_imitators
+from .law.find import find_law, law_is_sought
+from .law.found import FoundLaw, without_imitators
 from .law.free_run import with_effect
+from .law.tried import LawBase
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .objective import objective_of

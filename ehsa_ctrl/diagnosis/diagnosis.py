@@ -12,6 +12,7 @@ from ..core.log import Log
 from ..core.plotting import draw
 from ..core.result import Result, as_dict, as_table
 from ..core.text import join_words
+from ..core.unit import unit_suffix
 from ..physics.effects import EFFECTS, all_parameters
 from ..plant.file import label
 from ..plant.plant import Plant, Sensor
@@ -337,9 +338,9 @@ class Diagnosis(Result):
             )
         for cause in self.effects:
             numbers = ", ".join(
-                f"{label(n)} = {p.value:.4g} {p.unit}, not determined by {the_data(self)}"
+                f"{label(n)} = {p.value:.4g}{unit_suffix(p.unit)}, not determined by {the_data(self)}"
                 if np.isinf(p.sd)
-                else f"{label(n)} = {p.value:.4g} +- {p.sd:.2g} {p.unit}"
+                else f"{label(n)} = {p.value:.4g} +- {p.sd:.2g}{unit_suffix(p.unit)}"
                 for n, p in cause.parameters.items()
             )
             lines.append(f"  {cause.name}: probability {cause.probability:.2f}, {numbers}")

@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from ..core.errors import InputError
 from ..core.log import Log
 from ..core.text import join_words
+from ..core.unit import unit_suffix
 from ..plant.system import ParameterKind
 from .balance_signals import Method
 
@@ -112,7 +113,7 @@ def solve_balance(
         if relative_sd[worst] <= VAGUE:
             return values, sd, reasons
         reasons[worst] = (
-            f"{values[worst]:.3g} {kinds[worst].unit} would be impossible"
+            f"{values[worst]:.3g}{unit_suffix(kinds[worst].unit)} would be impossible"
             if relative_sd[worst] == np.inf
             else f"its standard deviation is {100 * relative_sd[worst]:.0f} %"
         )

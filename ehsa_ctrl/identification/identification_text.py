@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ..core.unit import unit_suffix
 from ..physics.effects import EFFECTS
 from ..plant.file import label
 from .comparison import fit_cell, fit_words
@@ -77,7 +78,7 @@ def _typical_lines(found: Identification) -> Iterator[str]:
         for size in EFFECTS[effect].parameters[:1]:
             given = found.plant.parameters[size.name]
             if size.name not in estimated and given.note == f"typical of {effect}":
-                held = f"{size.name} = {given.value:g} {size.unit}"
+                held = f"{size.name} = {given.value:g}{unit_suffix(size.unit)}"
                 yield f"  {held}, typical of {effect}; --free {size.name} estimates it"
 
 

@@ -13,6 +13,7 @@ from scipy import stats
 from ..core.errors import InputError
 from ..core.parameter import Parameter
 from ..core.result import Result, as_dict
+from ..core.unit import unit_suffix
 from .fit_result import Diverged, Fit
 from .gauss_newton import fit
 from .identification import Identification
@@ -65,7 +66,7 @@ class Profile(Result):
 
     def __str__(self) -> str:
         low, high = self.interval
-        return f"{self.name}: 95 % interval by profile {low:.5g} to {high:.5g} {self.unit}"
+        return f"{self.name}: 95 % interval by profile {low:.5g} to {high:.5g}{unit_suffix(self.unit)}"
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a value at which the parameter was held, with the increase of the cost."""

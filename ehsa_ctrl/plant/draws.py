@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.errors import InputError, choices
 from ..core.files import read_json
+from ..core.unit import unit_suffix
 from .conditions import Condition, operating_points
 from .file import label
 from .plant import Plant
@@ -202,7 +203,7 @@ def difference(plant: Plant, nominal: Plant) -> str:
         if parameter.value == before:
             continue
         relative = (parameter.value - before) / abs(before) if before else math.inf
-        words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g} {parameter.unit}"
+        words = f"{100 * relative:+.2g} %" if before else f"{parameter.value:g}{unit_suffix(parameter.unit)}"
         parts.append((abs(relative), f"{label(name)} {words}"))
     ordered = [words for _, words in sorted(parts, key=lambda part: -part[0])]
     return ", ".join(ordered[:DIFFERENCES] + ["..."] * (len(ordered) > DIFFERENCES)) or "nominal"

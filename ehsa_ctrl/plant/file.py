@@ -10,7 +10,7 @@ from ..core.definition import Array, Definition, Hertz, Schema, Second, Unlimite
 from ..core.errors import InputError
 from ..core.log import CHANNELS, REFERENCES
 from ..core.parameter import SOURCES, Parameter, check_range
-from ..core.unit import factor
+from ..core.unit import factor, unit_suffix
 
 #: Limit that every run checks -> SI unit.
 LIMIT_UNITS = {
@@ -117,7 +117,7 @@ class Quantity(Definition):
             lower=lower * scale,
             upper=upper * scale,
             note=self.note,
-            written=f"{self.value:g} {self.unit}",
+            written=f"{self.value:g}{unit_suffix(self.unit)}",
         )
 
 

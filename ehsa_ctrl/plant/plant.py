@@ -14,7 +14,7 @@ from ..core.errors import InputError, choices, shown
 from ..core.log import Column
 from ..core.parameter import Parameter, check_range
 from ..core.result import Result, as_table
-from ..core.unit import read_value
+from ..core.unit import read_value, unit_suffix
 from ..core.watchdog import Watchdog
 from ..physics.effects import EFFECTS, with_extended
 from .file import EstimationFile, key_of, label
@@ -133,8 +133,8 @@ class Plant(Result):
         that the unit is probably wrong."""
         return tuple(
             (p.far and label(p.name) + p.far.removeprefix(p.name).replace(p.name, key_of(p.name)))
-            or f"{label(p.name)} = {p.value:g} {p.unit} lies outside {p.lower:g} to {p.upper:g} {p.unit}, the "
-            f"plausible range of {self.name}"
+            or f"{label(p.name)} = {p.value:g}{unit_suffix(p.unit)} lies outside {p.lower:g} to {p.upper:g}"
+            f"{unit_suffix(p.unit)}, the plausible range of {self.name}"
             for p in self.parameters.values()
             if p.source == "given" and (p.far or not p.lower <= p.value <= p.upper)
         )

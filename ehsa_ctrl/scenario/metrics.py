@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.unit import factor, parse
+from ..core.unit import factor, parse, unit_suffix
 from ..plant.motion_current import has_motion_current
 from ..simulation.closed_loop import ClosedLoop
 from ..simulation.minimum_time import shortest_time
@@ -54,11 +54,6 @@ class Metric:
         return factor(self.display_unit, self.unit)
 
     @property
-    def suffix(self) -> str:
-        """The display unit as it follows a number."""
-        return "" if self.display_unit == "1" else f" {self.display_unit}"
-
-    @property
     def absolute_tolerance(self) -> float:
         """Absolute tolerance of the comparison with a baseline, SI unit."""
         return ABSOLUTE_TOLERANCES[self.unit]
@@ -74,12 +69,14 @@ class Metric:
         """A value [SI unit] as text with the display unit."""
         if not np.isfinite(value):
             return "never" if np.isinf(value) else "nothing"
-        return f"{value / self.scale:.4g}{self.suffix}"
+        return f"{value / self.scale:.4g}{unit_suffix(self.display_unit)}"
 
     def format_bounds(self, lower: float | None, upper: float | None) -> str:
         """The bounds of a limit with the display unit: "at least 1 mm and at most 3 mm"."""
         bounds = (("at least", lower), ("at most", upper))
-        return " and ".join(f"{word} {b / self.scale:g}{self.suffix}" for word, b in bounds if b is not None)
+        return " and ".join(
+            f"{word} {b / self.scale:g}{unit_suffix(self.display_unit)}" for word, b in bounds if b is not None
+        )
 
     def read_bound(self, value: Any, *, si: bool = False) -> Any:
         """Convert a bound such as "0.3 mm" to the SI unit; a dimensionless metric also takes a plain number.

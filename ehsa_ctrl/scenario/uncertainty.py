@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from ..core.errors import InputError, shown
+from ..core.unit import unit_suffix
 from ..plant.draws import plausible_range, read_covariance
 from ..plant.file import key_of, label, symbol_of
 from ..plant.load import read_settings
@@ -49,8 +50,8 @@ class UncertainParameter:
 
     def __str__(self) -> str:
         if self.sd is None:
-            return f"{label(self.name)} uniform from {self.lower:g} to {self.upper:g} {self.unit}"
-        return f"{label(self.name)} = {self.value:g} {self.unit}, sd {self.sd:g}"
+            return f"{label(self.name)} uniform from {self.lower:g} to {self.upper:g}{unit_suffix(self.unit)}"
+        return f"{label(self.name)} = {self.value:g}{unit_suffix(self.unit)}, sd {self.sd:g}"
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def _parse_spread(plant: Plant, key: str, given: str | tuple[str, str]) -> tuple
         if not kind.lower <= low < high <= kind.upper:
             raise InputError(
                 f"[spread] {key}: {given[0]} to {given[1]}; expected an increasing range within {kind.lower:g} to "
-                f"{kind.upper:g} {kind.unit}"
+                f"{kind.upper:g}{unit_suffix(kind.unit)}"
             )
         return name, UncertainParameter(name, plant[name], low, high, unit=kind.unit)
     if given.strip().endswith("%"):

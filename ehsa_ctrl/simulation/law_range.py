@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.unit import unit_suffix
 from ..physics.effects import ADDENDS, EFFECTS
 from ..plant.arrays import array_evaluator
 from ..plant.plant import Plant
@@ -27,9 +28,10 @@ class Extrapolation:
 
     def __str__(self) -> str:
         (low, high), (lowest, highest) = self.known, self.reached
+        unit = unit_suffix(self.unit)
         return (
-            f"the law {self.effect} is known for {self.variable} from {low:.4g} to {high:.4g} {self.unit}, but this "
-            f"run goes from {lowest:.4g} to {highest:.4g} {self.unit}; its values beyond the range are extrapolated"
+            f"the law {self.effect} is known for {self.variable} from {low:.4g} to {high:.4g}{unit}, but this "
+            f"run goes from {lowest:.4g} to {highest:.4g}{unit}; its values beyond the range are extrapolated"
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.unit import unit_suffix
 from ..plant.file import label
 from ..plant.linearise import OperatingPoint, jacobian
 from ..plant.plain import evaluator
@@ -51,7 +52,7 @@ def stiffest(plant: Plant, states: np.ndarray, inputs: np.ndarray, modes: np.nda
         moved[index] *= 1.001
         share = (_fastest(plant, point, moved, scales)[0] / fastest - 1.0) * 1e3
         if abs(share) > COUNTS:
-            causes.append((abs(share), f"{label(name)} = {value:g} {plant.parameters[name].unit}"))
+            causes.append((abs(share), f"{label(name)} = {value:g}{unit_suffix(plant.parameters[name].unit)}"))
     named = [words for _, words in sorted(causes, reverse=True)[:3]]
     mode = f"the fastest mode is that of {equations.states[state].name}, at {fastest:.2g} 1/s"
     return f"{mode}, set by {', '.join(named)}{far}"

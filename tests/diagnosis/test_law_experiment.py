@@ -6,7 +6,7 @@ import pytest
 import ehsa_ctrl as e
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.experiment import form_experiment, renamed
-from ehsa_ctrl.diagnosis.law.find import FoundLaw
+from ehsa_ctrl.diagnosis.law.found import FoundLaw
 from ehsa_ctrl.diagnosis.law.proposed import LawForm, ProposedLaw
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs

@@ -4,8 +4,8 @@ from types import SimpleNamespace as N
 
 import numpy as np
 
-from ehsa_ctrl.diagnosis.law import find, free_run
-from ehsa_ctrl.diagnosis.law.find import laws_of_best, likely_forms
+from ehsa_ctrl.diagnosis.law import find, found, free_run, simpler, tried
+from ehsa_ctrl.diagnosis.law.tried import laws_of_best, likely_forms
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
 from ehsa_ctrl.diagnosis.pool import Pool
 from ehsa_ctrl.diagnosis.scoring import ScoredHypothesis
@@ -175,22 +175,22 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     def refitted(laws, _scoring, base, *_):
         return [law(base.candidates) for _ in laws]
 
-    monkeypatch.setattr(find, "refit", lambda _objective, members, values, *_, **__: fit(members))
-    monkeypatch.setattr(find, "refit_laws", refitted)
+    monkeypatch.setattr(simpler, "refit", lambda _objective, members, values, *_, **__: fit(members))
+    monkeypatch.setattr(simpler, "refit_laws", refitted)
     scoring = N(
         objective=N(nominal=N(names=())),
         score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=400.0),
     )
     both = (orifice, delay)
-    first = find._Tried(
-        law(both), find.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=400.0), None, 0.0
+    first = tried.TriedLaw(
+        law(both), tried.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=400.0), None, 0.0
     )
 
-    found = find._with_fewer_effects(
-        [first], first.without, lambda one: find.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
+    found = simpler.with_fewer_effects(
+        [first], first.without, lambda one: tried.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
     )
 
-    best = find.laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
+    best = laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
     assert [one.base.fit.candidates for one in best] == [(delay,)]
     # Beside no effect, the law that was found beside the delay is tried, and the one found beside the orifice.
     assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), (), ()]
@@ -201,9 +201,9 @@ def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
     deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
     first, reference, law = laws_by_terms(monkeypatch, deviances)
 
-    found = find._with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
+    found = simpler.with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
 
-    best = find.laws_of_best(found, found[0].without, reference)
+    best = laws_of_best(found, found[0].without, reference)
     assert best[0].law.scored.deviance == 340.0
     assert sorted(one.law.scored.deviance for one in found) == [300.0, 340.0, 800.0, 900.0, 2000.0, 2000.0]
 
@@ -214,11 +214,11 @@ def test_what_the_closest_law_needs_may_be_the_best(monkeypatch):
     deviances = {"ab": 239.0, "e": 274.0, "a": 200.0, "b": 900.0}
     first, reference, law = laws_by_terms(monkeypatch, deviances)
     exponential, closest = first(law("e")), first(law("ab"))
-    assert find.laws_of_best([exponential, closest], exponential.without, reference) == [exponential]
+    assert laws_of_best([exponential, closest], exponential.without, reference) == [exponential]
 
-    found = find._with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
+    found = simpler.with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
 
-    assert find.laws_of_best(found, exponential.without, reference)[0].law.scored.deviance == 200.0
+    assert laws_of_best(found, exponential.without, reference)[0].law.scored.deviance == 200.0
     # Each is refitted once.
     assert sorted(one.law.scored.deviance for one in found) == [200.0, 239.0, 274.0, 900.0]
 
@@ -234,11 +234,11 @@ def laws_by_terms(monkeypatch, deviances):
         fewer = [Terms(terms.replace(one, "")) for one in terms] if len(terms) > 1 else []
         return N(**vars(found), others={}, refitted=N(with_one_term_less=fewer))
 
-    monkeypatch.setattr(find, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
+    monkeypatch.setattr(simpler, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
     rest = {"total": 0.06}
-    base = find.LawBase((), N(candidates=()))
+    base = tried.LawBase((), N(candidates=()))
     without = N(training_gap=rest, held_out_gap=rest, deviance=3000.0)
-    return lambda one: find._Tried(one, base, without, None, 0.0), Reference(0.0, 4000.0, 0.06, 1.0), law
+    return lambda one: tried.TriedLaw(one, base, without, None, 0.0), Reference(0.0, 4000.0, 0.06, 1.0), law
 
 
 def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out():
@@ -259,7 +259,7 @@ def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out(
         tried("pump_flow", (), 200.0, "vanishing", stable=False),
     ]
 
-    assert find._found_elsewhere([*others, growing, best], best, leakage) == [growing]
+    assert simpler.found_elsewhere([*others, growing, best], best, leakage) == [growing]
 
 
 def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, terms=1, beside_law=("K_T",)):
@@ -276,7 +276,7 @@ def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, t
     law = N(candidates=(*beside, N(key=keys["law"])), proposed=N(beside=tuple(law_has)), terms=terms, without=without)
     law.own_gaps = {keys[name]: {} for name in beside_law}
     before = Selection(verdict, chosen, {}, {}, (), 0.0)
-    return before, find.without_imitators(before, law, Reference(0.0, 1000.0, 0.05, 1.0))
+    return before, found.without_imitators(before, law, Reference(0.0, 1000.0, 0.05, 1.0))
 
 
 def test_causes_stay_where_the_law_needs_all_effects_beside_it():

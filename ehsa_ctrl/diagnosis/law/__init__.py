@@ -1,5 +1,7 @@
 """The law behind an unknown input: where no effect of the catalogue fits, an expression for what the rig does.
 
-grammar.py has the variables and the terms, regression.py selects sums of terms by cross-validation, free_run.py refits
-the best of them as effects in free run and judges them on held-out data, find.py joins the stages.
+grammar.py has the variables and the terms, regression.py selects sums of terms by cross-validation, promising.py those
+worth a refit, which free_run.py refits as effects. judgement.py compares a law with none, tried.py laws with each
+other, simpler.py leaves out what the best law does not need. find.py joins the stages, found.py has the result.
+confirm.py checks a law on other logs.
 """

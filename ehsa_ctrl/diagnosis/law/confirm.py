@@ -18,6 +18,7 @@ from ...core.errors import InputError, choices
 from ...core.log import Log
 from ...core.parallel import one_blas_thread
 from ...core.text import join_words
+from ...core.unit import unit_suffix
 from ...identification.plant_log import read_plant_log
 from ...physics.effects import ADDENDS, EFFECTS, CandidateEffect, Effect, LawFile, LawLog, law_candidate
 from ...plant.plant import Plant
@@ -253,8 +254,8 @@ class _Test:
         if unsure:
             out.append(f"too little excitation: {join_words(unsure)} can't be determined from these logs")
         out += [
-            f"the size changes: {n} is {one.value:.4g} +- {INTERVAL * one.sd:.2g} {one.unit} here, proposed "
-            f"{one.proposed:.4g} +- {INTERVAL * (one.proposed_sd or 0.0):.2g}"
+            f"the size changes: {n} is {one.value:.4g} +- {INTERVAL * one.sd:.2g}{unit_suffix(one.unit)} here, "
+            f"proposed {one.proposed:.4g} +- {INTERVAL * (one.proposed_sd or 0.0):.2g}"
             for n, one in numbers.items()
             if not one.overlaps and n not in unsure
         ]

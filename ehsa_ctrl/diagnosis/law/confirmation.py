@@ -15,6 +15,7 @@ from ...core.files import write_text
 from ...core.log import Log
 from ...core.result import Result, as_dict
 from ...core.text import join_words
+from ...core.unit import unit_suffix
 from ...physics.effects import LawFile, LawLog
 
 #: The models of a confirmation.
@@ -140,7 +141,8 @@ class Confirmation(Result):
             lines.append(f"  held-out data: {self.held_out}")
         for name, one in self.parameters.items():
             before = f"{one.proposed:.4g}" + (f" +- {one.proposed_sd:.2g}" if one.proposed_sd is not None else "")
-            here = f"{one.value:.4g} +- {one.sd:.2g} {one.unit} here, {'agrees' if one.overlaps else 'differs'}"
+            here = f"{one.value:.4g} +- {one.sd:.2g}{unit_suffix(one.unit)} here, "
+            here += "agrees" if one.overlaps else "differs"
             lines.append(f"  {name}: {before} proposed, {here if isfinite(one.sd) else 'not determined here'}")
         for name, pair in self.range.items():
             before = "not stated" if pair.proposed is None else f"{pair.proposed[0]:.4g} to {pair.proposed[1]:.4g}"

@@ -10,7 +10,7 @@ from ...physics.effects import EFFECTS, LawFile, effect_of
 from ..hypothesis_model import Setting
 from ..next_experiment import N_CANDIDATES, NextExperiment, next_experiment
 from ..objective import Objective
-from .find import FoundLaw
+from .found import FoundLaw
 from .free_run import model_with
 
 

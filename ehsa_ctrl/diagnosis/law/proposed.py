@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.log import Log
 from ...core.text import join_words
+from ...core.unit import unit_suffix
 from ...physics.effects import ADDENDS, LawFile, LawLog, law_text
 
 
@@ -80,7 +81,7 @@ class ProposedLaw:
     def words(self) -> str:
         """The best form with its numbers, in words."""
         best = self.forms[0].file
-        numbers = join_words(f"{n} = {p.value:.4g} {p.unit}" for n, p in best.parameters.items())
+        numbers = join_words(f"{n} = {p.value:.4g}{unit_suffix(p.unit)}" for n, p in best.parameters.items())
         others = f" ({len(self.forms)} forms fit as well as each other)" if len(self.forms) > 1 else ""
         return f"{best.form}, a {ADDENDS[self.place].meaning}, with {numbers}{others}"
 

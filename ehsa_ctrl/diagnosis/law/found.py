@@ -1,0 +1,136 @@
+"""The law that a search finds, and the causes that it makes superfluous."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ...physics.effects import CandidateEffect, Effect
+from ..hypothesis_model import Setting
+from ..model_selection import Reference, Selection
+from ..scoring import CauseKey, ScoredHypothesis
+from ..validation_segment import WINDOW
+from .begin import Begin
+from .free_run import FreeRunLaw, kept_effect
+from .grammar import variables_of
+from .judgement import leaves_less_gap
+from .proposed import LawForm, ProposedLaw
+from .tried import TriedLaw, laws_of_best, likely_forms
+
+#: A law replaces causes that explain the gap where it is simpler: each of its terms takes the place of so many of them
+#: at least. Five causes stood for a leak in one direction, which is one term; on a measured record three terms leave a
+#: third of what the carriage's three published causes do, and replace nothing. Engineering judgement.
+SIMPLER = 2
+
+
+@dataclass(frozen=True)
+class FoundLaw:
+    """A proposed law and the model that has it.
+
+    effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
+    effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
+    each form's model. without: the hypothesis beside which it was found. own_gaps: of effects and nominal parameters
+    that are causes in its model.
+    """
+
+    proposed: ProposedLaw
+    effect: Effect
+    begin: Begin
+    candidates: tuple[CandidateEffect, ...]
+    values: Setting
+    sd: Mapping[str, float]
+    settings: tuple[Setting, ...]
+    without: ScoredHypothesis
+    own_gaps: Mapping[CauseKey, Mapping[str, float]]
+    by_windows: bool
+
+    @classmethod
+    def of(
+        cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis, *, by_windows: bool
+    ) -> FoundLaw:
+        """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
+        best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
+        fit = best.scored.fit
+        effect = kept_effect(proposed.name, proposed.forms[0].file)
+        candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
+        return cls(
+            proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without, best.scored.own_gaps,
+            by_windows,
+        )  # fmt: skip
+
+    @property
+    def caveat(self) -> str:
+        """What has to be known of its gap; empty where nothing has."""
+        if not self.by_windows:
+            return ""
+        return (
+            f"the law was judged by runs of {WINDOW:g} s that begin with measured states: in one free run over "
+            "training or held-out data, a lost phase or a single slip decides the gap"
+        )
+
+    @property
+    def terms(self) -> int:
+        """Number of terms of its best form: their factors alone have a neutral value."""
+        return sum(one.neutral is not None for one in self.proposed.forms[0].file.parameters.values())
+
+
+def best_law(tried: Sequence[TriedLaw], last: ScoredHypothesis, reference: Reference) -> FoundLaw | None:
+    """The forms that the data can't tell apart, if the best one is clearly better than none.
+
+    last: the last hypothesis without a law.
+    """
+    alike = laws_of_best(tried, last, reference)
+    if not alike:
+        return None
+    likely = likely_forms(alike, reference)
+    best = likely[0][0]
+    nominal = reference.nominal_gaps[1]
+    forms = [
+        LawForm(one.law.file, w, 1.0 - one.law.scored.held_out_gap["total"] / max(nominal, 1e-12)) for one, w in likely
+    ]
+    law = best.law.law
+    used = variables_of(law.terms)
+    shown = law.grammar.shown(law.terms[0])
+    of_balance = [v.text for v in law.grammar.variables if v.text in used]
+    proposed = ProposedLaw(
+        place=law.grammar.name,
+        variables=(*of_balance, *sorted(used.difference(of_balance))),
+        forms=tuple(forms),
+        range=dict(forms[0].file.range),
+        unit=shown.unit,
+        variable=shown.values,
+        measured=best.measured,
+        fitted=best.law.refitted.values,
+        direction=law.grammar.direction_of(law.terms),
+        explained=max(law.explained, 0.0),
+        placebo=max(best.placebo, 0.0),
+        beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
+    )
+    by_windows = not leaves_less_gap(best.law.scored, best.without, reference)
+    return FoundLaw.of(proposed, [one.law for one, _ in likely], best.without, by_windows=by_windows)
+
+
+def without_imitators(selection: Selection, law: FoundLaw, reference: Reference) -> Selection:
+    """The selection without the effects and changes of nominal parameters that the law makes superfluous: they imitated
+    it.
+
+    The other causes are those of the hypothesis beside which the law was found. Without an effect beside it, the law
+    alone explains the gap, and nothing of the catalogue is named. Causes that explain the gap and leave little stay
+    unless the law is much simpler.
+    """
+    if not selection.has_causes:
+        return selection
+    chosen = selection.chosen
+    effects = {c.key for c in chosen.fit.candidates}
+    left_out = effects - {c.key for c in law.candidates}
+    left_out |= {key for key in chosen.causes if key not in effects and key not in law.own_gaps}
+    if not left_out:
+        return selection
+    beside = law.without.own_gaps if law.proposed.beside else {}
+    causes = tuple(key for key in chosen.causes if key not in left_out and key in beside)
+    simpler = len(chosen.causes) - len(causes) >= SIMPLER * law.terms
+    if selection.explains and not simpler and not reference.leaves_much(chosen):
+        return selection
+    if not causes:
+        return replace(selection, verdict="outside_catalogue")
+    return replace(selection, verdict="partly", chosen=replace(law.without, causes=causes))
