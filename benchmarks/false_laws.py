@@ -91,7 +91,7 @@ class Search:
         """The form of the law that the search accepts; empty without one."""
         reference = Reference.of(self.scoring)
         found = find_law(
-            [self.base.fit], lambda _: self.base, self.scoring, reference, self.pool, self.scoring.training
+            [self.base.fit], lambda _: self.base, (), self.scoring, reference, self.pool, self.scoring.training
         )
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 

@@ -1,7 +1,10 @@
-"""Parsing of Python text, one thread at a time."""
+"""Parsing of Python text, one thread at a time, and the arguments of functions."""
 
 import ast
+import inspect
 import textwrap
+from collections.abc import Callable
+from functools import cache
 from threading import Lock
 
 #: CPython 3.11 counts the depth of its syntax trees for all threads together, and raises SystemError where two of them
@@ -20,3 +23,9 @@ def parse_statement(text: str) -> ast.stmt:
     text = textwrap.dedent(text)
     with _ONE_AT_A_TIME:
         return ast.parse(text).body[0]
+
+
+@cache
+def argument_names(function: Callable[..., object]) -> tuple[str, ...]:
+    """Names of the arguments of a function in their order; `inspect.signature` takes 80 us each time."""
+    return tuple(inspect.signature(function).parameters)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
+from ..core.syntax import argument_names
 from ..physics.effects import EFFECTS, Effect, LawSwitch
 from ..plant.plant import Plant, Sensor
 
@@ -92,14 +92,9 @@ class ActingModel:
                 elif own.starts_at == plant.structure.system.inputs[0]:
                     state[self.positions[own.name]] = drive
         for switch in switches:
-            asked = _arguments(switch.deflection)
+            asked = argument_names(switch.deflection)
             if switch.state in self.positions and all(n in self.positions or n in plant.parameters for n in asked):
                 given = {n: state[self.positions[n]] if n in self.positions else value(n) for n in asked}
                 compliance = values[switch.number] if switch.active(values) else 1.0 / plant[switch.parameter]
                 state[self.positions[switch.state]] = switch.deflection(**given) * compliance
         return state
-
-
-@cache
-def _arguments(function: Callable[..., float]) -> tuple[str, ...]:
-    return tuple(inspect.signature(function).parameters)

@@ -418,7 +418,9 @@ def _law(
 
     fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.has_causes else [])]
     windows = segments.windows(prepared)
-    law = find_law(fits, base_of, scoring, reference, hypotheses.pool, segments.searched, windows)
+    law = find_law(
+        fits, base_of, hypotheses.candidates, scoring, reference, hypotheses.pool, segments.searched, windows
+    )
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)

@@ -6,7 +6,6 @@ list that plain evaluation, compiled engine and linearisation share.
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -14,6 +13,7 @@ from typing import Any
 
 from ..core.errors import InputError, choices
 from ..core.log import CHANNELS
+from ..core.syntax import argument_names
 from ..physics.effects import EFFECTS, Effect, effect_of
 from ..physics.friction import LAWS, SYMBOLS, FrictionLaw
 from .system import Contact, System
@@ -135,7 +135,7 @@ class Structure:
     def _check_symbols(self, effect: str, contact: Contact) -> None:
         """Raise InputError for an effect that needs a friction parameter which the law of the contact lacks."""
         functions = (*EFFECTS[effect].changes.values(), *EFFECTS[effect].adds.values())
-        asked = {argument for function in functions for argument in inspect.signature(function).parameters}
+        asked = {argument for function in functions for argument in argument_names(function)}
         for symbol in SYMBOLS:
             name = contact.symbol(symbol)
             if name in asked and symbol not in self.law(contact).symbols:

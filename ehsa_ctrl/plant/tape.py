@@ -20,7 +20,7 @@ from functools import cache
 from typing import Any
 
 from ..core.errors import CompileError
-from ..core.syntax import parse_statement
+from ..core.syntax import argument_names, parse_statement
 from .wiring import Equations
 
 Ref = int
@@ -175,7 +175,7 @@ class _Inlining:
         if name in _MATH and function is getattr(math, name):
             return emit(name, *args)
         if inspect.isfunction(function):
-            return self.tape.call(function, dict(zip(inspect.signature(function).parameters, args, strict=True)))
+            return self.tape.call(function, dict(zip(argument_names(function), args, strict=True)))
         raise self.fail(node, "calls neither a function of `math` nor a physics function")
 
 

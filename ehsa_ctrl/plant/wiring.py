@@ -10,6 +10,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, choices
+from ..core.syntax import argument_names
 from ..physics.effects import EFFECTS
 from ..physics.friction import held
 from .system import Balance, ParameterKind, ScalarFunction, State
@@ -167,7 +168,7 @@ class _Wiring:
         # What extends a law shares out what all other effects leave of it.
         changes = sorted(self.changes.get(name, ()), key=lambda change: bool(EFFECTS[change[0]].extends))
         for effect, function in changes:
-            old = {a for a in inspect.signature(function).parameters if self.structure.system.own(a) == name}
+            old = {a for a in argument_names(function) if self.structure.system.own(a) == name}
             current = self._call(f"{name}__{effect}", function, dict.fromkeys(old, current), ready=old)
         if name in self.held:
             names = {"rate": current, "direction": self.held[name]}
@@ -191,7 +192,7 @@ class _Wiring:
     ) -> str:
         arguments = {}
         asked_by = f"{inspect.getsourcefile(function)}, function {function.__name__},"
-        for argument in inspect.signature(function).parameters:
+        for argument in argument_names(function):
             source = names.get(argument, argument)
             arguments[argument] = source if ready and argument in ready else self.place(source, asked_by)
         self.calls.append(Call(target, function, arguments))

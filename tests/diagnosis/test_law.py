@@ -176,7 +176,7 @@ def test_a_term_that_a_refit_gives_up_is_left_out(servo):
     definition = definition_of(law, [])
     values = {"c_1": -0.1, "c_2": -0.4, "c_at_2": 0.03, "c_3": 0.001}
     own = {n: one.model_copy(update={"value": values[n]}) for n, one in definition.parameters.items()}
-    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {})
+    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {}, None)
 
     assert not refitted.stable
     assert refitted.reduced.terms == (replace(shape, shapes={"at": 0.03}),)
@@ -190,7 +190,7 @@ def test_of_a_single_term_the_sign_alone_must_stay(servo):
 
     def refitted(value):
         own = {"c_1": definition.parameters["c_1"].model_copy(update={"value": value})}
-        return FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {})
+        return FreeRunLaw(law, definition.model_copy(update={"parameters": own}), Begin(), None, {}, None)
 
     assert refitted(0.15).stable and not refitted(-0.15).stable
 

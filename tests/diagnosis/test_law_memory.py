@@ -324,7 +324,7 @@ def test_an_end_value_that_the_log_does_not_reach_is_tried_in_proportion_to_time
     own = definition.parameters["c_tau_1"]
     tau = share * own.bounds[1]
     parameters = definition.parameters | {"c_tau_1": own.model_copy(update={"value": tau})}
-    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": parameters}), Begin(), None, {})
+    refitted = FreeRunLaw(law, definition.model_copy(update={"parameters": parameters}), Begin(), None, {}, None)
     other = refitted.proportional
 
     if ends:

@@ -4,7 +4,7 @@ from types import SimpleNamespace as N
 
 import numpy as np
 
-from ehsa_ctrl.diagnosis.law import find, found, free_run, simpler, tried
+from ehsa_ctrl.diagnosis.law import beside, fewer_terms, find, found, free_run, tried
 from ehsa_ctrl.diagnosis.law.tried import laws_of_best, likely_forms
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
 from ehsa_ctrl.diagnosis.pool import Pool
@@ -21,7 +21,9 @@ def tried_law(place, base, deviance, gaps, without, deviance_without=7500.0, ter
         return N(deviance=deviance, training_gap=training, held_out_gap=held_out, window_deviances=in_windows)
 
     law = N(scored=scored(deviance, gaps, windows[0]), stable=True, law=N(grammar=N(name=place), terms=range(terms)))
-    return N(law=law, base=base, without=scored(deviance_without, without, windows[1]), terms=terms)
+    beside = base.fit.candidates if base is not None else ()
+    without = scored(deviance_without, without, windows[1])
+    return N(law=law, base=base, without=without, terms=terms, beside=beside)
 
 
 def test_effects_that_imitate_a_law_are_not_named_beside_it():
@@ -167,6 +169,7 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     def law(members):
         ids = [name for one in members for name in one.names]
         found = tried_law("pump_flow", None, deviances[" ".join(ids)], (0.007, 0.01), (0.06, 0.11)).law
+        found.scored.causes = tuple(one.key for one in members)
         return N(**vars(found), others=dict.fromkeys(ids), refitted=members, reduced=None, file=N(form="leakage"))
 
     def fit(members):
@@ -175,8 +178,8 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     def refitted(laws, _scoring, base, *_):
         return [law(base.candidates) for _ in laws]
 
-    monkeypatch.setattr(simpler, "refit", lambda _objective, members, values, *_, **__: fit(members))
-    monkeypatch.setattr(simpler, "refit_laws", refitted)
+    monkeypatch.setattr(beside, "refit", lambda _objective, members, values, *_, **__: fit(members))
+    monkeypatch.setattr(beside, "refit_laws", refitted)
     scoring = N(
         objective=N(nominal=N(names=())),
         score=lambda one: N(fit=one, training_gap=rest, held_out_gap=rest, deviance=400.0),
@@ -186,7 +189,7 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
         law(both), tried.LawBase((), fit(both)), N(training_gap=rest, held_out_gap=rest, deviance=400.0), None, 0.0
     )
 
-    found = simpler.with_fewer_effects(
+    found = beside.with_fewer_effects(
         [first], first.without, lambda one: tried.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
     )
 
@@ -201,7 +204,7 @@ def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
     deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
     first, reference, law = laws_by_terms(monkeypatch, deviances)
 
-    found = simpler.with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
+    found = fewer_terms.with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
 
     best = laws_of_best(found, found[0].without, reference)
     assert best[0].law.scored.deviance == 340.0
@@ -216,7 +219,7 @@ def test_what_the_closest_law_needs_may_be_the_best(monkeypatch):
     exponential, closest = first(law("e")), first(law("ab"))
     assert laws_of_best([exponential, closest], exponential.without, reference) == [exponential]
 
-    found = simpler.with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
+    found = fewer_terms.with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
 
     assert laws_of_best(found, exponential.without, reference)[0].law.scored.deviance == 200.0
     # Each is refitted once.
@@ -234,7 +237,7 @@ def laws_by_terms(monkeypatch, deviances):
         fewer = [Terms(terms.replace(one, "")) for one in terms] if len(terms) > 1 else []
         return N(**vars(found), others={}, refitted=N(with_one_term_less=fewer))
 
-    monkeypatch.setattr(simpler, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
+    monkeypatch.setattr(fewer_terms, "refit_laws", lambda laws, *_: [law(terms) for terms in laws])
     rest = {"total": 0.06}
     base = tried.LawBase((), N(candidates=()))
     without = N(training_gap=rest, held_out_gap=rest, deviance=3000.0)
@@ -259,7 +262,7 @@ def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out(
         tried("pump_flow", (), 200.0, "vanishing", stable=False),
     ]
 
-    assert simpler.found_elsewhere([*others, growing, best], best, leakage) == [growing]
+    assert beside.found_elsewhere([*others, growing, best], best, leakage) == [growing]
 
 
 def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, terms=1, beside_law=("K_T",)):
@@ -274,7 +277,7 @@ def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, t
     beside = tuple(one for one in effects if one.key[0] in law_has)
     without = ScoredHypothesis(N(candidates=beside), own_gaps={keys[n]: {} for n in own}, causes=(), **score)
     law = N(candidates=(*beside, N(key=keys["law"])), proposed=N(beside=tuple(law_has)), terms=terms, without=without)
-    law.own_gaps = {keys[name]: {} for name in beside_law}
+    law.causes = tuple(keys[name] for name in (*law_has, *beside_law))
     before = Selection(verdict, chosen, {}, {}, (), 0.0)
     return before, found.without_imitators(before, law, Reference(0.0, 1000.0, 0.05, 1.0))
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from ...physics.effects import CandidateEffect
 from ..model_selection import Reference, Selection
 from ..pool import Pool
 from ..records import Segment
 from ..refit import HypothesisFit, refit
 from ..scoring import ScoredHypothesis, Scoring
+from .beside import with_fewer_effects, with_sensor_errors
+from .fewer_terms import with_fewer_terms
 from .found import FoundLaw, best_law
 from .free_run import RENEW, STEPS, refit_laws, screen_laws
 from .inputs import LawInput
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
 from .regression import LawFit, sums_and_placebo
-from .simpler import with_fewer_effects, with_fewer_terms
 from .tried import LawBase, TriedLaw
 
 # The numbers below are engineering judgement.
@@ -34,6 +36,7 @@ FEW = 2
 def find_law(
     fits: Sequence[HypothesisFit],
     base_of: Callable[[HypothesisFit], LawBase],
+    candidates: Sequence[CandidateEffect],
     scoring: Scoring,
     reference: Reference,
     pool: Pool,
@@ -43,8 +46,8 @@ def find_law(
     """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
-    law that is found without each of them. screened: data on which laws are simulated before any refit, all training
-    data or a stretch of them. windows: see `Scoring.windows`.
+    law that is found without each of them. candidates: effects that can act in the logs. screened: data on which laws
+    are simulated before any refit, all training data or a stretch of them. windows: see `Scoring.windows`.
     """
     scoring = replace(with_typical_priors(scoring), windows=windows)
     screening = replace(scoring, training=screened)
@@ -55,6 +58,7 @@ def find_law(
     pairs = zip(bases, without, strict=True)
     tried = [one for base, own in pairs for one in _try(base, own, scoring, screening, most, left, pool)]
     tried = with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
+    tried = with_sensor_errors(tried, without[-1], candidates, base_of, scoring, reference, pool)
     tried = with_fewer_terms(tried, without[-1], scoring, reference, pool)
     return best_law(tried, without[-1], reference)
 

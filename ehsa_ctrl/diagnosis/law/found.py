@@ -11,7 +11,7 @@ from ..model_selection import Reference, Selection
 from ..scoring import CauseKey, ScoredHypothesis
 from ..validation_segment import WINDOW
 from .begin import Begin
-from .free_run import FreeRunLaw, kept_effect
+from .free_run import kept_effect
 from .grammar import variables_of
 from .judgement import leaves_less_gap
 from .proposed import LawForm, ProposedLaw
@@ -29,8 +29,8 @@ class FoundLaw:
 
     effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
     effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
-    each form's model. without: the hypothesis beside which it was found. own_gaps: of effects and nominal parameters
-    that are causes in its model.
+    each form's model. without: the hypothesis beside which it was found. causes: of its model, beside it, with the
+    nominal parameters that changed much.
     """
 
     proposed: ProposedLaw
@@ -41,21 +41,20 @@ class FoundLaw:
     sd: Mapping[str, float]
     settings: tuple[Setting, ...]
     without: ScoredHypothesis
-    own_gaps: Mapping[CauseKey, Mapping[str, float]]
+    causes: tuple[CauseKey, ...]
     by_windows: bool
 
     @classmethod
-    def of(
-        cls, proposed: ProposedLaw, forms: Sequence[FreeRunLaw], without: ScoredHypothesis, *, by_windows: bool
-    ) -> FoundLaw:
-        """From the laws in free run of all forms, the best first; the last candidate of each is the law."""
-        best, settings = forms[0], tuple(one.scored.fit.values for one in forms)
+    def of(cls, proposed: ProposedLaw, forms: Sequence[TriedLaw], *, by_windows: bool) -> FoundLaw:
+        """From the laws of all forms, the best first; the last candidate of each is the law."""
+        best, settings = forms[0].law, tuple(one.law.scored.fit.values for one in forms)
         fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
+        changed = [key for key in best.scored.own_gaps if key not in {c.key for c in fit.candidates}]
         return cls(
-            proposed, effect, best.begin, candidates, fit.values, best.sd, settings, without, best.scored.own_gaps,
-            by_windows,
+            proposed, effect, best.begin, candidates, fit.values, best.sd, settings, forms[0].without,
+            (*forms[0].beside, *changed), by_windows,
         )  # fmt: skip
 
     @property
@@ -104,10 +103,10 @@ def best_law(tried: Sequence[TriedLaw], last: ScoredHypothesis, reference: Refer
         direction=law.grammar.direction_of(law.terms),
         explained=max(law.explained, 0.0),
         placebo=max(best.placebo, 0.0),
-        beside=tuple(dict.fromkeys(one.id for one in best.base.fit.candidates)),
+        beside=tuple(dict.fromkeys(id for id, _ in best.beside)),
     )
     by_windows = not leaves_less_gap(best.law.scored, best.without, reference)
-    return FoundLaw.of(proposed, [one.law for one, _ in likely], best.without, by_windows=by_windows)
+    return FoundLaw.of(proposed, [one for one, _ in likely], by_windows=by_windows)
 
 
 def without_imitators(selection: Selection, law: FoundLaw, reference: Reference) -> Selection:
@@ -121,13 +120,11 @@ def without_imitators(selection: Selection, law: FoundLaw, reference: Reference)
     if not selection.has_causes:
         return selection
     chosen = selection.chosen
-    effects = {c.key for c in chosen.fit.candidates}
-    left_out = effects - {c.key for c in law.candidates}
-    left_out |= {key for key in chosen.causes if key not in effects and key not in law.own_gaps}
-    if not left_out:
+    needed = tuple(key for key in chosen.causes if key in law.causes)
+    if needed == chosen.causes:
         return selection
     beside = law.without.own_gaps if law.proposed.beside else {}
-    causes = tuple(key for key in chosen.causes if key not in left_out and key in beside)
+    causes = tuple(key for key in needed if key in beside)
     simpler = len(chosen.causes) - len(causes) >= SIMPLER * law.terms
     if selection.explains and not simpler and not reference.leaves_much(chosen):
         return selection

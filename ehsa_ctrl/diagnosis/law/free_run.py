@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class FreeRunLaw:
     """A law refitted in free run.
 
     law: what it started from. file: its definition with the values of the refit. begin: of its states. sd: of all
-    parameters of effects.
+    parameters of effects. objective: of the refit.
     """
 
     law: LawFit
@@ -45,6 +45,7 @@ class FreeRunLaw:
     begin: Begin
     scored: ScoredHypothesis
     sd: Mapping[str, float]
+    objective: Objective = field(repr=False)
 
     @property
     def _kept(self) -> list[bool]:
@@ -247,7 +248,7 @@ def refit_laws(
         if fit is None:
             return None
         scored, sd = own.score(fit), own.standard_deviations(fit)
-        return FreeRunLaw(started[0], _refitted(file, fit, candidate, sd), begin.begin, scored, sd)
+        return FreeRunLaw(started[0], _refitted(file, fit, candidate, sd), begin.begin, scored, sd, own.objective)
 
     starts = list(zip(laws, others or itertools.repeat(None), strict=False))
     return [found for found in pool.map("laws", one, starts) if found is not None]
@@ -262,28 +263,44 @@ def _refitted(file: LawFile, fit: HypothesisFit, candidate: CandidateEffect, sd:
 
 def with_effect(segment: Segment, effect: Effect, begin: Begin) -> Segment:
     """The same segment with an effect, neutral, in every model. begin: of its states."""
-    return begin.on(_with(segment, effect))
-
-
-def _with(segment: Segment, effect: Effect) -> Segment:
-    return replace(segment, records=tuple(replace(r, model=model_with(r.model, effect)) for r in segment.records))
-
-
-def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
-    training, held_out = (with_effect(one, effect, begin) for one in (scoring.training, scoring.held_out))
-    objective: Objective = replace(scoring.objective, model=training.model, segment=training)
-    windows = scoring.windows
-    if windows is not None:
-        fitted, kept = (begin.on_windows([_with(one, effect) for one in by_log]) for by_log in windows)
-        windows = None if fitted is None or kept is None else (fitted, kept)
-    return replace(scoring, objective=objective, training=training, held_out=held_out, windows=windows)
+    return begin.on(_Neutral(effect).in_segment(segment))
 
 
 def model_with(model: HypothesisModel, effect: Effect) -> HypothesisModel:
     """The same model with an effect, neutral."""
-    by_law = {law: _neutral(plant, effect) for law, plant in model.plants_by_law.items()}
-    return replace(model, plant=_neutral(model.plant, effect), plants_by_law=by_law)
+    return _Neutral(effect).in_model(model)
 
 
-def _neutral(plant: Plant, effect: Effect) -> Plant:
-    return plant.with_effects(effect.name, **{p.name: p.neutral for p in effect.parameters})
+def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
+    neutral = _Neutral(effect)
+    training, held_out = (begin.on(neutral.in_segment(one)) for one in (scoring.training, scoring.held_out))
+    objective: Objective = replace(scoring.objective, model=training.model, segment=training)
+    windows = scoring.windows
+    if windows is not None:
+        fitted, kept = (begin.on_windows([neutral.in_segment(one) for one in by_log]) for by_log in windows)
+        windows = None if fitted is None or kept is None else (fitted, kept)
+    return replace(scoring, objective=objective, training=training, held_out=held_out, windows=windows)
+
+
+@dataclass(frozen=True)
+class _Neutral:
+    """Puts an effect, neutral, into models. plants: those done, by identity, because the windows of a log share one."""
+
+    effect: Effect
+    plants: dict[int, tuple[Plant, Plant]] = field(default_factory=dict)
+
+    def in_segment(self, segment: Segment) -> Segment:
+        """The same records with the effect in their models."""
+        return replace(segment, records=tuple(replace(r, model=self.in_model(r.model)) for r in segment.records))
+
+    def in_model(self, model: HypothesisModel) -> HypothesisModel:
+        """The same model with the effect."""
+        by_law = {law: self._in_plant(plant) for law, plant in model.plants_by_law.items()}
+        return replace(model, plant=self._in_plant(model.plant), plants_by_law=by_law)
+
+    def _in_plant(self, plant: Plant) -> Plant:
+        if id(plant) not in self.plants:
+            # Both are kept: the identity of a plant that is gone may be that of another one.
+            values = {p.name: p.neutral for p in self.effect.parameters}
+            self.plants[id(plant)] = plant, plant.with_effects(self.effect.name, **values)
+        return self.plants[id(plant)][1]

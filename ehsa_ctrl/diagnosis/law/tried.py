@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..model_selection import Reference, relative_weights
 from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..refit import HypothesisFit
-from ..scoring import ScoredHypothesis
+from ..scoring import CauseKey, ScoredHypothesis
 from .free_run import FreeRunLaw
 from .inputs import LawInput, law_inputs, with_combined
 from .judgement import clearly_better, replaces
@@ -65,6 +65,11 @@ class TriedLaw:
         return len(self.law.law.terms)
 
     @property
+    def beside(self) -> tuple[CauseKey, ...]:
+        """The effects beside it that are causes; smaller ones lower the deviance and are not named."""
+        return tuple(c.key for c in self.base.fit.candidates if c.key in self.law.scored.causes)
+
+    @property
     def evidence(self) -> float:
         """What the balance says of its terms, see `regression.evidence`."""
         return evidence(self.law.law, self.input.windows, self.input.nuisance)
@@ -80,9 +85,9 @@ def laws_of_best(tried: Sequence[TriedLaw], last: ScoredHypothesis, reference: R
     if not good:
         return []
     good.sort(key=lambda one: one.law.scored.deviance)
-    # As in the selection of causes, each effect beside the law must lower the deviance by the margin, and each term.
+    # As in the selection of causes, each cause beside the law must lower the deviance by the margin, and each term.
     margin = reference.margin(good[0].law.scored)
-    best = min(good, key=lambda one: one.law.scored.deviance + margin * (len(one.base.fit.candidates) + one.terms))
+    best = min(good, key=lambda one: one.law.scored.deviance + margin * (len(one.beside) + one.terms))
     alike = [one for one in good if one.base is best.base and one.law.law.grammar.name == best.law.law.grammar.name]
     return [one for one in alike if one.terms <= best.terms]
 
@@ -105,3 +110,24 @@ def likely_forms(alike: Sequence[TriedLaw], reference: Reference) -> list[tuple[
     weights /= weights.sum()
     order = np.argsort(-weights, kind="stable")
     return [(alike_in_free_run[int(i)][0], float(weights[i])) for i in order if weights[i] >= LIKELY]
+
+
+def as_long_as_better(
+    tried: Sequence[TriedLaw],
+    last: ScoredHypothesis,
+    reference: Reference,
+    further: Callable[[Sequence[TriedLaw], Sequence[TriedLaw]], list[TriedLaw]],
+) -> list[TriedLaw]:
+    """The laws with others that start from the best, as long as one of these becomes the best.
+
+    further: laws tried, and those of the best -> others. last: as in `laws_of_best`.
+    """
+    tried = list(tried)
+    alike = laws_of_best(tried, last, reference)
+    better = bool(alike)
+    while better:
+        found = further(tried, alike)
+        tried += found
+        alike = laws_of_best(tried, last, reference)
+        better = any(alike[0] is one for one in found)
+    return tried

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+
+from ...core.syntax import argument_names
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class FrictionLaw:
     def _asked(self) -> set[str]:
         """Arguments of its functions."""
         functions = (self.effort,) if self.state_rate is None else (self.effort, self.state_rate)
-        return {argument for function in functions for argument in inspect.signature(function).parameters}
+        return {argument for function in functions for argument in argument_names(function)}
 
     @cached_property
     def symbols(self) -> dict[str, FrictionParameter]:
