@@ -82,16 +82,20 @@ LEAK = {
 def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     """A valve on one chamber that the catalogue lacks: place, form, threshold and size, and a file that closes the gap.
 
+    The filter of the speed sensor is too small to be a cause: it is in the corrected plant, and no part of the law.
     The improved plant, with the effect's file beside it, leaves a tenth of the nominal gap on the same input. Left out
     of the catalogue is what costs time and can't explain this gap, which is one of the flows, or closes half of it.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(registry, "_PROJECTS", [])
     EFFECTS.keep("rig_leak", effect_of("rig_leak", LawFile.model_validate(LEAK), "the rig"))
-    rig = plant.with_effects("rig_leak")
+    rig = e.load_plant("ehsa", settings={"filter.speed": 4e-4}).with_effects("rig_leak")
     log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=9.0, sample_time=0.004), centre=True)
     log.write(tmp_path / "log.csv")
-    left_out = [name for name, one in EFFECTS.items() if one.place != "flow"] + ["external_leakage", "relief_valve"]
+    left_out = [name for name, one in EFFECTS.items() if one.place not in ("flow", "sensor")] + [
+        "external_leakage",
+        "relief_valve",
+    ]
     without = [word for name in left_out for word in ("--without", name)]
     result = CliRunner().invoke(app, ["diagnose", "log.csv", "--plant", "ehsa", "--out", "out", *without])
     assert result.exit_code == 0, result.output
@@ -110,7 +114,10 @@ def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     assert law["forms"][0]["expression"] in (tmp_path / "out" / "diagnosis.html").read_text()
     assert f"follows a law that the catalogue lacks, which closes {100 * best['gap_closed']:.0f} %" in result.output
     assert content["gap"]["with_law"]["total"] < 0.1 * content["gap"]["with_effects"]["total"]
+    assert law["beside"] == []
     improved = e.load_plant(tmp_path / "out" / content["improved"])
+    # A log with this sample time does not tell a filter from a delay of this size.
+    assert improved.sensors["speed"].filter + improved.sensors["speed"].delay == pytest.approx(4e-4, rel=0.2)
     assert improved.structure.effects == (read_law(tmp_path / "out" / law["proposal"]).name,)
     runs = (e.simulate(one, log["current"]) for one in (plant, improved))
     before, after = (np.std(log["p1"] - run["P_1"]) for run in runs)

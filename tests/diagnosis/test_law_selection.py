@@ -199,6 +199,72 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     assert [one.base.fit.candidates for one in found] == [both, (delay,), (orifice,), (), ()]
 
 
+def sensor_error(setting, channel, decrease):
+    """What `with_sensor_errors` sees of an error of a sensor, and what it promises."""
+    name = f"{setting}.{channel}"
+    candidate = N(effect=N(sensor=setting), key=(f"sensor_{setting}", channel), channel=channel, names=(name,))
+    return N(candidate=candidate, decrease=decrease, start=lambda values: {**values, name: 1e-3})
+
+
+def laws_beside_sensor_errors(monkeypatch, deviances, causes=()):
+    """The names of the errors beside each law that is tried, and beside the best. deviances: by these names."""
+    gains = [sensor_error("delay", "speed", 40.0), sensor_error("filter", "p1", 6.0), sensor_error("delay", "p1", 5.9)]
+    gains.append(sensor_error("bias", "p2", 0.5))
+    rest = {"total": 0.06}
+
+    def law(members):
+        names = [name for one in members for name in one.names]
+        found = tried_law("torque", None, deviances[" ".join(names)], (0.007, 0.01), (0.06, 0.11)).law
+        found.scored.fit, found.scored.causes = N(residual=None, values={}, candidates=members), causes
+        others = dict.fromkeys(names, 1e-3)
+        return N(**vars(found), others=others, refitted=members, reduced=None, objective=None, file=N(form="brake"))
+
+    def promised(fit):
+        """One lag of a channel leaves nothing for another."""
+        taken = [one.channel for one in fit.candidates]
+        return [one for one in gains if one.candidate.channel not in taken]
+
+    monkeypatch.setattr(beside, "screen", lambda *_: N(gains=promised))
+    monkeypatch.setattr(beside, "likely_forms", lambda alike, _: [(one, 1.0) for one in alike])
+    monkeypatch.setattr(beside, "refit", lambda _objective, members, values, *_, **__: N(candidates=members, values={}))
+    monkeypatch.setattr(beside, "refit_laws", lambda laws, _scoring, base, *_: [law(base.candidates) for _ in laws])
+    without = N(training_gap=rest, held_out_gap=rest, deviance=4000.0)
+    scoring = N(objective=N(nominal=N(names=())), score=lambda _: without)
+    first = tried.TriedLaw(law(()), tried.LawBase((), N(candidates=(), values={})), without, None, 0.0)
+    others = [*(one.candidate for one in gains), N(effect=N(sensor=None))]
+    reference = Reference(0.0, 4000.0, 0.06, 1.0)
+
+    found = beside.with_sensor_errors(
+        [first], without, others, lambda fit: tried.LawBase((), fit), scoring, reference, None
+    )
+
+    def names(one):
+        return " ".join(name for c in one.base.fit.candidates for name in c.names)
+
+    return [names(one) for one in found], names(laws_of_best(found, without, reference)[0])
+
+
+def test_errors_of_sensors_that_are_no_causes_stay_beside_a_law_that_they_improve(monkeypatch):
+    """That which promises most, and then one for each channel; a law needs no margin for them, and an offset that
+    promises nothing is not tried."""
+    speed, both = "delay.speed", "delay.speed filter.p1"
+    tried_ones, best = laws_beside_sensor_errors(monkeypatch, {"": 300.0, speed: 290.0, both: 280.0})
+    assert tried_ones == ["", speed, both] and best == both
+
+    tried_ones, best = laws_beside_sensor_errors(monkeypatch, {"": 300.0, speed: 290.0, both: 310.0})
+    assert best == speed and tried_ones == ["", speed, both, both]
+
+    _, best = laws_beside_sensor_errors(monkeypatch, {"": 300.0, speed: 310.0, both: 320.0})
+    assert best == ""
+
+
+def test_an_error_of_a_sensor_that_is_a_cause_is_not_put_beside_a_law(monkeypatch):
+    """The selection would have to name it."""
+    deviances = {"": 300.0, "delay.speed": 100.0, "delay.speed filter.p1": 100.0}
+    tried_ones, best = laws_beside_sensor_errors(monkeypatch, deviances, causes=(("sensor_delay", "speed"),))
+    assert tried_ones == [""] and best == ""
+
+
 def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
     """Of three terms one tells nothing; without either of the others the law leaves much more."""
     deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
