@@ -114,7 +114,7 @@ def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     assert law["forms"][0]["expression"] in (tmp_path / "out" / "diagnosis.html").read_text()
     assert f"follows a law that the catalogue lacks, which closes {100 * best['gap_closed']:.0f} %" in result.output
     assert content["gap"]["with_law"]["total"] < 0.1 * content["gap"]["with_effects"]["total"]
-    assert law["beside"] == []
+    assert law["beside"] == [] and "errors of sensors that are too small to be causes" in result.output
     improved = e.load_plant(tmp_path / "out" / content["improved"])
     # A log with this sample time does not tell a filter from a delay of this size.
     assert improved.sensors["speed"].filter + improved.sensors["speed"].delay == pytest.approx(4e-4, rel=0.2)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ...core.text import join_words
+from ...core.unit import unit_suffix
 from ...physics.effects import CandidateEffect, Effect
+from ...plant.plant import Plant
 from ..hypothesis_model import Setting
 from ..model_selection import Reference, Selection
 from ..scoring import CauseKey, ScoredHypothesis
@@ -57,15 +60,26 @@ class FoundLaw:
             (*forms[0].beside, *changed), by_windows,
         )  # fmt: skip
 
-    @property
-    def caveat(self) -> str:
-        """What has to be known of its gap; empty where nothing has."""
-        if not self.by_windows:
-            return ""
-        return (
-            f"the law was judged by runs of {WINDOW:g} s that begin with measured states: in one free run over "
-            "training or held-out data, a lost phase or a single slip decides the gap"
-        )
+    def caveats(self, plant: Plant) -> list[str]:
+        """What has to be known of its gap. plant: nominal, with the sensors."""
+        words = []
+        for one in (c for c in self.candidates if c.effect.sensor is not None and c.key not in self.causes):
+            for name in one.names:
+                setting, _, channel = name.partition(".")
+                unit = plant.sensors[channel].unit_of(setting) if channel in plant.sensors else ""
+                words.append(f"{name} = {self.values[name]:.3g}{unit_suffix(unit)}")
+        out = []
+        if words:
+            out.append(
+                f"the law was fitted beside errors of sensors that are too small to be causes: {join_words(words)}; "
+                "the corrected plant has them"
+            )
+        if self.by_windows:
+            out.append(
+                f"the law was judged by runs of {WINDOW:g} s that begin with measured states: in one free run over "
+                "training or held-out data, a lost phase or a single slip decides the gap"
+            )
+        return out
 
     @property
     def terms(self) -> int:
