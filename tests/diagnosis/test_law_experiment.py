@@ -55,7 +55,9 @@ def found(*files):
     nothing = np.zeros(0)
     proposed = ProposedLaw("force", ("v",), forms, {}, "m/s", nothing, nothing, nothing)
     settings = tuple({name: one.value for name, one in file.parameters.items()} for file in files)
-    return FoundLaw(proposed, EFFECTS["rod_drag"], Begin(), (), settings[0], {}, settings, None, (), by_windows=False)
+    return FoundLaw(
+        proposed, EFFECTS["rod_drag"], Begin(), (), settings[0], {}, settings, None, (), (), by_windows=False
+    )
 
 
 def test_forms_get_names_of_their_own():

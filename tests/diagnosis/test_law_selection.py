@@ -331,10 +331,10 @@ def test_a_law_found_beside_fewer_effects_is_tried_where_one_effect_is_left_out(
     assert beside.found_elsewhere([*others, growing, best], best, leakage) == [growing]
 
 
-def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, terms=1, beside_law=("K_T",)):
+def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, terms=1, changed=("K_T",)):
     """What `without_imitators` makes of a selection with two effects and a nominal parameter. law_has: effects beside
     the law. own: what has a gap of its own in the hypothesis without the others. left: share of the deviance that the
-    causes leave. terms: of the law. beside_law: nominal parameters that have a gap of their own beside it."""
+    causes leave. terms: of the law. changed: what nominal parameters stand for that changed much beside it."""
     keys = {name: (name, None) for name in ("orifice_leakage", "sensor_delay", "K_T", "law")}
     effects = tuple(N(key=keys[name]) for name in ("orifice_leakage", "sensor_delay"))
     score = {"deviance": 1000.0 * left, "training_gap": {}, "held_out_gap": {}}
@@ -343,7 +343,7 @@ def selected(law_has, own=("sensor_delay", "K_T"), verdict="partly", left=0.2, t
     beside = tuple(one for one in effects if one.key[0] in law_has)
     without = ScoredHypothesis(N(candidates=beside), own_gaps={keys[n]: {} for n in own}, causes=(), **score)
     law = N(candidates=(*beside, N(key=keys["law"])), proposed=N(beside=tuple(law_has)), terms=terms, without=without)
-    law.causes = tuple(keys[name] for name in (*law_has, *beside_law))
+    law.beside, law.changed = (tuple(keys[name] for name in some) for some in (law_has, changed))
     before = Selection(verdict, chosen, {}, {}, (), 0.0)
     return before, found.without_imitators(before, law, Reference(0.0, 1000.0, 0.05, 1.0))
 
@@ -356,9 +356,9 @@ def test_causes_stay_where_the_law_needs_all_effects_beside_it():
 
 def test_a_nominal_parameter_that_made_up_for_the_law_is_no_cause_beside_it():
     """Its change vanishes where it is refitted with the law."""
-    _, after = selected(("orifice_leakage", "sensor_delay"), own=("orifice_leakage", "K_T"), beside_law=())
+    _, after = selected(("orifice_leakage", "sensor_delay"), own=("orifice_leakage", "K_T"), changed=())
     assert after.verdict == "partly" and after.chosen.causes == (("orifice_leakage", None),)
-    _, after = selected(("orifice_leakage", "sensor_delay"), own=("K_T",), beside_law=())
+    _, after = selected(("orifice_leakage", "sensor_delay"), own=("K_T",), changed=())
     assert after.verdict == "outside_catalogue"
 
 
@@ -372,8 +372,10 @@ def test_causes_beside_a_law_are_those_of_the_hypothesis_without_the_imitators()
 
 
 def test_nothing_is_named_where_the_law_needs_no_effect():
-    _, after = selected((), own=("K_T",))
-    assert after.verdict == "outside_catalogue" and not after.named
+    """Nor an effect of which the law's refit changes the nominal value."""
+    for changed in (("K_T",), ("orifice_leakage",)):
+        _, after = selected((), own=("K_T",), changed=changed)
+        assert after.verdict == "outside_catalogue" and not after.named
 
 
 def test_causes_that_explained_the_gap_do_so_no_more_where_a_law_replaces_some():

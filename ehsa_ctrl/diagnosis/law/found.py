@@ -32,8 +32,8 @@ class FoundLaw:
 
     effect: of its best form, neutral in a plant that does not set its parameters. begin: of its states. candidates:
     effects of the model. values: its parameters that are not nominal. sd: of those of its effects. settings: values of
-    each form's model. without: the hypothesis beside which it was found. causes: of its model, beside it, with the
-    nominal parameters that changed much.
+    each form's model. without: the hypothesis beside which it was found. beside: effects that are causes in its model.
+    changed: the keys of nominal parameters that changed much there.
     """
 
     proposed: ProposedLaw
@@ -44,7 +44,8 @@ class FoundLaw:
     sd: Mapping[str, float]
     settings: tuple[Setting, ...]
     without: ScoredHypothesis
-    causes: tuple[CauseKey, ...]
+    beside: tuple[CauseKey, ...]
+    changed: tuple[CauseKey, ...]
     by_windows: bool
 
     @classmethod
@@ -54,16 +55,16 @@ class FoundLaw:
         fit = best.scored.fit
         effect = kept_effect(proposed.name, proposed.forms[0].file)
         candidates = (*fit.candidates[:-1], replace(fit.candidates[-1], effect=effect))
-        changed = [key for key in best.scored.own_gaps if key not in {c.key for c in fit.candidates}]
+        changed = tuple(key for key in best.scored.own_gaps if key not in {c.key for c in fit.candidates})
         return cls(
             proposed, effect, best.begin, candidates, fit.values, best.sd, settings, forms[0].without,
-            (*forms[0].beside, *changed), by_windows,
+            forms[0].beside, changed, by_windows,
         )  # fmt: skip
 
     def caveats(self, plant: Plant) -> list[str]:
         """What has to be known of its gap. plant: nominal, with the sensors."""
         words = []
-        for one in (c for c in self.candidates if c.effect.sensor is not None and c.key not in self.causes):
+        for one in (c for c in self.candidates if c.effect.sensor is not None and c.key not in self.beside):
             for name in one.names:
                 setting, _, channel = name.partition(".")
                 unit = plant.sensors[channel].unit_of(setting) if channel in plant.sensors else ""
@@ -134,7 +135,8 @@ def without_imitators(selection: Selection, law: FoundLaw, reference: Reference)
     if not selection.has_causes:
         return selection
     chosen = selection.chosen
-    needed = tuple(key for key in chosen.causes if key in law.causes)
+    effects = {c.key for c in chosen.fit.candidates}
+    needed = tuple(key for key in chosen.causes if key in (law.beside if key in effects else law.changed))
     if needed == chosen.causes:
         return selection
     beside = law.without.own_gaps if law.proposed.beside else {}
