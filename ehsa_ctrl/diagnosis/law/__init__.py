@@ -2,6 +2,6 @@
 
 grammar.py has the variables and the terms, regression.py selects sums of terms by cross-validation, promising.py those
 worth a refit, which free_run.py refits as effects. judgement.py compares a law with none, tried.py laws with each
-other, simpler.py leaves out what the best law does not need. find.py joins the stages, found.py has the result.
-confirm.py checks a law on other logs.
+other. beside.py changes what acts beside the best law, fewer_terms.py leaves out terms that it does not need. find.py
+joins the stages, found.py has the result. confirm.py checks a law on other logs.
 """
