@@ -24,7 +24,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,14 +85,16 @@ class Search:
         start = start.with_refits([Task((), {})], "nominal parameters", steps=6)
         start = start.with_level_of(start.best()[0])
         scoring = Scoring.of(start, segments.training, segments.held_out, THRESHOLD, lumped=False)
+        scoring = replace(scoring, windows=segments.windows(prepared))
         return cls(LawBase(curve_logs(prepared, segments, prepared.plant), start.fits[()]), scoring, pool)
 
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
         reference = Reference.of(self.scoring)
         found = find_law(
-            [self.base.fit], lambda _: self.base, (), self.scoring, reference, self.pool, self.scoring.training
-        )
+            [self.base.fit], lambda _: self.base, (), self.scoring, reference, self.pool, self.scoring.training,
+            self.scoring.windows,
+        )  # fmt: skip
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:

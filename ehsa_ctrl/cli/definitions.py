@@ -199,9 +199,7 @@ def scenario_toml(base: str, name: str, *, plant: str | None = None, controller:
             limits.append(KeyLine(metric, value, known.meaning + (f" [{known.display_unit}]" if unit else "")))
     more: dict[str, Sequence[KeyLine | str]] = {
         "settings": [
-            KeyLine(
-                symbol, to_toml(p.written or f"{p.value:g}{unit_suffix(p.unit)}"), f"{kinds[symbol].meaning} [{p.unit}]"
-            )
+            KeyLine(symbol, to_toml(p.text), f"{kinds[symbol].meaning} [{p.unit}]")
             for symbol, p in loaded.parameters.items()
             if symbol not in LOAD_SYMBOLS.values()
         ],

@@ -51,6 +51,11 @@ class Parameter:
     stated: Parameter | None = field(default=None, compare=False, repr=False)
 
     @property
+    def text(self) -> str:
+        """Value and unit as in the plant's file, or in SI units."""
+        return self.written or f"{self.value:g}{unit_suffix(self.unit)}"
+
+    @property
     def file_unit(self) -> str:
         """The unit used in the plant's file."""
         return self.written.partition(" ")[2] or self.unit
@@ -77,15 +82,13 @@ class Parameter:
         ratio = abs(self.value / self.stated.value)
         if 1.0 / FAR <= ratio <= FAR or not isfinite(ratio) or ratio == 0.0:
             return ""
-        number, _, own = (self.stated.written or f"{self.stated.value:g} {self.unit}").partition(" ")
+        own = self.stated.text.partition(" ")[2]
         times = f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.3g} of"
         hint = (
             f"; a number without a unit is in {self.unit}; if {own} is meant, write {self.name}='{self.value:g} {own}'"
         )
-        return (
-            f"{self.name} = {self.value:g}{unit_suffix(self.unit)} is {times} the file's {number}{unit_suffix(own)}"
-            + (hint if own and own != self.unit else "")
-        )
+        told = f"{self.name} = {self.value:g}{unit_suffix(self.unit)} is {times} the file's {self.stated.text}"
+        return told + (hint if own and own != self.unit else "")
 
 
 def check_range(where: str, value: float, unit: str, lower: float, upper: float, *, lower_open: bool = False) -> None:

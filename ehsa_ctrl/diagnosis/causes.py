@@ -7,9 +7,9 @@ from itertools import permutations
 
 import numpy as np
 
-from ..core.log import CHANNELS, Log
+from ..core.log import Log
 from ..physics.effects import EFFECTS
-from ..plant.plant import Plant
+from ..plant.plant import Plant, sensor_unit
 from .diagnosis import Cause, CauseParameter, RelatedEffect
 from .hypothesis_model import is_applicable, law_switches
 from .model_selection import Reference, Selection
@@ -155,16 +155,14 @@ def _parameters(
         deviation = 0.0 if free.fixed else sd.get(name, np.nan)
         base, log = shared_name(name), log_of(name)
         within = f"{IN_LOG}{log}" if log else ""
-        setting, dot, channel = base.partition(".")
         if name in switches:
             switch = switches[name]
             number = max(values[name], switch.threshold)
             out[switch.reported] = CauseParameter(1.0 / number, deviation / number**2, kinds[switch.parameter])
-        elif not dot:
+        elif "." not in base:
             out[name] = CauseParameter(values[name], deviation, kinds[base])
         elif key[1] is not None:
-            unit = {"scale": "1", "bias": CHANNELS[channel].unit}.get(setting, "s")
-            out[f"value{within}"] = CauseParameter(values[name], deviation, unit)
+            out[f"value{within}"] = CauseParameter(values[name], deviation, sensor_unit(base))
     for f in scored.fit.free:
         if (ids.get(f.name), None) == key and f.name not in out:
             out[f.name] = CauseParameter(values[f.name], sd.get(f.name, f.scale), kinds[f.name])

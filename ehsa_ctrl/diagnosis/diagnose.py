@@ -372,7 +372,7 @@ def _diagnose_selection(
             *(EFFECTS[id].caveat for id, _ in chosen.causes if selection.named and EFFECTS[id].caveat),
             *one_sided_gap(segments, prepared.threshold),
             *uneven_folds(folds, prepared.threshold),
-            *(law.caveats(plant) if law is not None else ()),
+            *(law.caveats if law is not None else ()),
         ],
         verdict=verdict,
         where=_where(location, causes),

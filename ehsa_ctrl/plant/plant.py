@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..core.errors import InputError, choices, shown
-from ..core.log import Column
+from ..core.log import CHANNELS, Column
 from ..core.parameter import Parameter, check_range
 from ..core.result import Result, as_table
 from ..core.unit import read_value, unit_suffix
@@ -61,6 +61,12 @@ class Sensor:
     def unit_of(self, word: str) -> str:
         """SI unit of one of SENSOR_WORDS."""
         return {"scale": "1", "delay": "s", "filter": "s"}.get(word, self.unit)
+
+
+def sensor_unit(name: str) -> str:
+    """SI unit of a number of a sensor by its name, such as delay.speed."""
+    word, _, channel = name.partition(".")
+    return Sensor(channel, CHANNELS[channel].unit).unit_of(word)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ...physics.effects import CandidateEffect
@@ -10,15 +10,12 @@ from ..hypothesis_model import Setting
 from ..hypothesis_search import MIN_ADDED_GAIN
 from ..model_selection import Reference
 from ..pool import Pool
-from ..refit import HypothesisFit, refit
+from ..refit import refit
 from ..scoring import ScoredHypothesis, Scoring
 from ..screening import Gain, screen
 from .free_run import RENEW, STEPS, FreeRunLaw, refit_laws
 from .promising import EACH, reduced
-from .tried import LawBase, TriedLaw, as_long_as_better, likely_forms
-
-#: A fit without a law -> what a law is added to.
-BaseOf = Callable[[HypothesisFit], LawBase]
+from .tried import BaseOf, TriedLaw, as_long_as_better, likely_forms
 
 
 def with_fewer_effects(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ...physics.effects import CandidateEffect
@@ -18,7 +18,7 @@ from .free_run import RENEW, STEPS, refit_laws, screen_laws
 from .inputs import LawInput
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
 from .regression import LawFit, sums_and_placebo
-from .tried import LawBase, TriedLaw
+from .tried import BaseOf, LawBase, TriedLaw
 
 # The numbers below are engineering judgement.
 
@@ -35,7 +35,7 @@ FEW = 2
 
 def find_law(
     fits: Sequence[HypothesisFit],
-    base_of: Callable[[HypothesisFit], LawBase],
+    base_of: BaseOf,
     candidates: Sequence[CandidateEffect],
     scoring: Scoring,
     reference: Reference,

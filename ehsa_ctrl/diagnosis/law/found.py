@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from ...core.text import join_words
 from ...core.unit import unit_suffix
 from ...physics.effects import CandidateEffect, Effect
-from ...plant.plant import Plant
+from ...plant.plant import sensor_unit
 from ..hypothesis_model import Setting
 from ..model_selection import Reference, Selection
 from ..scoring import CauseKey, ScoredHypothesis
@@ -61,14 +61,11 @@ class FoundLaw:
             forms[0].beside, changed, by_windows,
         )  # fmt: skip
 
-    def caveats(self, plant: Plant) -> list[str]:
-        """What has to be known of its gap. plant: nominal, with the sensors."""
-        words = []
-        for one in (c for c in self.candidates if c.effect.sensor is not None and c.key not in self.beside):
-            for name in one.names:
-                setting, _, channel = name.partition(".")
-                unit = plant.sensors[channel].unit_of(setting) if channel in plant.sensors else ""
-                words.append(f"{name} = {self.values[name]:.3g}{unit_suffix(unit)}")
+    @property
+    def caveats(self) -> list[str]:
+        """What has to be known of its gap."""
+        small = [c for c in self.candidates if c.effect.sensor is not None and c.key not in self.beside]
+        words = [f"{n} = {self.values[n]:.3g}{unit_suffix(sensor_unit(n))}" for c in small for n in c.names]
         out = []
         if words:
             out.append(

@@ -35,6 +35,10 @@ class LawBase:
         return law_inputs(cases, *joined(cases, self.logs), nominal)
 
 
+#: A fit without a law -> what a law is added to.
+BaseOf = Callable[[HypothesisFit], LawBase]
+
+
 @dataclass(frozen=True)
 class TriedLaw:
     """A law in free run, with what it was found from.
