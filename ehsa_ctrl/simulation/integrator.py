@@ -21,6 +21,11 @@ from ..core.pointers import VECTOR, WORDS, call, shifted
 
 DONE, FAILED, CHATTERS, NO_CURRENT, STIFF, UNFINISHED = 0, 1, 2, 3, 4, 5
 MAX_EVENTS_PER_SAMPLE = 1000
+# Friction that rises while a contact slides, faster than the effort on it does, holds it at once after each breakaway:
+# it creeps, in slips of no length. More than CHATTERING changes in a row, each within CLOSE of a sample of the last
+# one, are such a creep; the contact then rests for at least REST of a sample between two slips. Engineering judgement:
+# in such a rest the effort rises by a hundredth of what it does in a sample.
+CHATTERING, CLOSE, REST = 20, 0.002, 0.01
 # A sample of an actuator takes 1 to 200 steps; a plant that needs more than this is far too stiff.
 MAX_STEPS_PER_SAMPLE = 20000
 # After this many steps, some tenths of a second, a compiled loop returns to Python, so that it can handle interrupts.
@@ -103,18 +108,20 @@ def longest(speed, acceleration, at_rest):
 
 
 @njit(error_model="numpy", forceinline=True)
-def margin(functions, shape, scales, y, u, f, d, fresh, sides, c):
+def margin(functions, shape, scales, y, u, f, d, fresh, rests, sides, c):
     """Distance to the nearest mode change or kink, in units of its scale; negative beyond it.
 
     A contact that has just begun to move (fresh) is on its own switching surface, and is left out until it has left
-    this surface. sides: sign of each kink's signal at the start of the step.
+    this surface. rests: contacts that stick are left out too, see CHATTERING. sides: sign of each kink's signal at the
+    start of the step.
     """
     least = inf
     for i in range(shape[CONTACTS]):
         if not shape[SPEEDS + 2 * i + 1]:
             continue
         if d[i] == 0.0:
-            least = min(least, call(of_contact(functions, i, HOLD), y, u, f, d, c))
+            if not rests:
+                least = min(least, call(of_contact(functions, i, HOLD), y, u, f, d, c))
         elif fresh[i] == 0.0:
             least = min(least, (d[i] * y[shape[SPEEDS + 2 * i]] - c[i]) * scales[shape[CONTACTS] + i])
     for i in range(shape[KINKS]):
@@ -124,7 +131,9 @@ def margin(functions, shape, scales, y, u, f, d, fresh, sides, c):
 
 
 @njit(error_model="numpy")
-def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, d, fresh, sides, at_end, exact, c):
+def locate(
+    functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, d, fresh, rests, sides, at_end, exact, c
+):
     """Length of the step that ends where the margin crosses zero; y_n and k7 become the values at its end.
 
     at_end: margin at the end of the whole step. The first guess is the root of the margin along the cubic through both
@@ -133,7 +142,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
     """
     n = shape[STATES]
     aim = 0.5 * exact
-    at_low = margin(functions, shape, scales, y, u, f, d, fresh, sides, c)
+    at_low = margin(functions, shape, scales, y, u, f, d, fresh, rests, sides, c)
     if at_low <= 0.0:
         at_low = exact
     a, b, at_a, at_b = 0.0, 1.0, at_low + aim, at_end + aim
@@ -145,7 +154,7 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
         start, end, start_k, end_k = r * r * (1.0 + 2.0 * s), s * s * (3.0 - 2.0 * s), h * s * r * r, -h * s * s * r
         for i in range(n):
             y_m[i] = start * y[i] + end * y_n[i] + start_k * k1[i] + end_k * k7[i]
-        at_s = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, sides, c) + aim
+        at_s = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, rests, sides, c) + aim
         if abs(at_s) < aim or b - a < 1e-6:
             break
         if at_s < 0.0:
@@ -165,13 +174,13 @@ def locate(functions, shape, scales, y, k1, y_n, k7, y_m, a_0, h, u, du, f, df, 
             s = mid / h - 1e-6
             for i in range(n):
                 y_m[i] = y_n[i] - 1e-6 * h * k7[i]
-            before = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, sides, c)
+            before = margin(functions, shape, scales, y_m, u + du * s, f + df * s, d, fresh, rests, sides, c)
             mid = mid - 1e-6 * h * (at_mid + aim) / (at_mid - before) if at_mid < before else low
         if not low < mid < high:
             mid = 0.5 * (low + high)
         s = mid / h
         call(functions[STEP], y, mid, u, du * s, f, df * s, d, c, k1, y_n, k7, a_0)
-        at_mid = margin(functions, shape, scales, y_n, u + du * s, f + df * s, d, fresh, sides, c)
+        at_mid = margin(functions, shape, scales, y_n, u + du * s, f + df * s, d, fresh, rests, sides, c)
         if at_mid < 0.0:
             high = mid
             if -at_mid <= exact or high - low <= 1e-15:
@@ -223,7 +232,7 @@ def leap(n, speed, before, after, S, width):
 
 
 @njit(error_model="numpy", forceinline=True)
-def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, d, fresh, sides, kinks, c):
+def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, d, fresh, rests, sides, kinks, c):
     """Check a step for mode changes and kinks: returns the margin at its end and the length that the step should have.
 
     Sets the sides of the first `kinks` kinks at its start (see `margin`). The length is less than h if a contact may
@@ -238,6 +247,8 @@ def watch(functions, shape, scales, y, k1, y_n, k7, y_m, h, dt, u, f, u_n, f_n, 
             continue
         speed, share = shape[SPEEDS + 2 * i], 0.0
         if d[i] == 0.0:
+            if rests:
+                continue
             for j in range(shape[STATES]):
                 y_m[j] = 0.5 * (y[j] + y_n[j]) + 0.125 * h * (k1[j] - k7[j])
             hold = of_contact(functions, i, HOLD)
@@ -310,13 +321,17 @@ def advance(
     t = 0.0
     events = 0
     steps = 0
+    # End of the last change or rest, changes close to each other, and until when contacts that stick do so at least.
+    changed, close, resting = -inf, 0, 0.0
     status = DONE
     while t < dt:
         steps += 1
         if steps > MAX_STEPS_PER_SAMPLE:
             status = STIFF
             break
-        left = dt - t
+        rests = t < resting
+        until = resting if rests else dt
+        left = until - t
         last = h >= left
         tried = left if last else (0.5 * left if 2.0 * h > left else h)
         u_t, f_t = u + slope_u * t, f + slope_f * t
@@ -330,15 +345,16 @@ def advance(
             continue
         u_n, f_n = u_t + slope_u * tried, f_t + slope_f * tried
         at_end, wanted, some_fresh, slow = watch(
-            functions, shape, scales, y, k1, y_n, k7, y_m, tried, dt, u_t, f_t, u_n, f_n, d, fresh, sides, kinks, c
-        )
+            functions, shape, scales, y, k1, y_n, k7, y_m, tried, dt, u_t, f_t, u_n, f_n, d, fresh, rests, sides,
+            kinks, c,
+        )  # fmt: skip
         if wanted < tried:
             h = wanted
             continue
         if at_end < -exact:
             tried = locate(
                 functions, shape, scales, y, k1, y_n, k7, y_m, a_0, tried, u_t, slope_u * tried, f_t, slope_f * tried,
-                d, fresh, sides, at_end, exact, c,
+                d, fresh, rests, sides, at_end, exact, c,
             )  # fmt: skip
             u_n, f_n = u_t + slope_u * tried, f_t + slope_f * tried
             last = False
@@ -353,10 +369,18 @@ def advance(
             for i in range(contacts):
                 if fresh[i] != 0.0 and not d[i] * y_n[shape[SPEEDS + 2 * i]] <= c[i]:
                     fresh[i] = 0.0
-        if at_end < 0.0:
+        if at_end < 0.0 or (rests and last):
             for i in range(contacts):
                 d_was[i] = d[i]
             switch(functions, shape, y_n, u_n, f_n, d, fresh, c)
+            now = until if last else t + tried
+            if at_end < 0.0:
+                close = close + 1 if now - changed < CLOSE * dt else 0
+                if close > CHATTERING:
+                    for i in range(contacts):
+                        if d_was[i] != 0.0 and d[i] == 0.0:
+                            resting = min(now + REST * dt, dt)
+            changed = now
             call(functions[RATES], y_n, u_n, f_n, d, c, y_m)
             if width > 0:
                 for i in range(contacts):
@@ -372,6 +396,6 @@ def advance(
                     if shape[SPEEDS + 2 * i + 1] and d[i] != 0.0 and 0.0 < abs(y_n[speed]) < scales[i]:
                         h = min(h, longest(y_n[speed], k7[speed], a_0[i]))
         call(functions[ACCEPT], y, k1, y_n, k7, extremes)
-        t = dt if last else t + tried
+        t = until if last else t + tried
     memory[0], memory[1], memory[2] = h, u_end, f_end
     return status, steps

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl import load_controller, run_closed_loop, simulate, simulate_reference, three_state
+from ehsa_ctrl.core.definition import validate
+from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of
 from ehsa_ctrl.simulation.sensors import Sensors
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -108,3 +110,33 @@ def test_a_slip_between_the_ends_of_a_step_is_not_missed(plant, current):
 
     assert np.array_equal(run.modes, truth.modes)
     assert apart(run, truth) < 0.01
+
+
+@pytest.mark.parametrize("rate", [300.0, 3e4])
+def test_friction_that_rises_faster_than_the_force_lets_the_rod_creep(plant, rate):
+    """Sliding friction that rises by 1e5 N/s holds a rod at once that a slower ramp of the force has freed. In the
+    limit of slips of no length it slides for rate / 1e5 of the time, so that friction and force stay equal: Filippov,
+    "Differential Equations with Discontinuous Righthand Sides", 1988. Once, the run ended there with an error.
+    """
+    rising = 1e5
+    definition = {
+        "schema": 1,
+        "status": "proposed",
+        "summary": "friction that rises while the rod slides",
+        "adds_to": "force",
+        "expression": "c_rise * d_R * m_slid",
+        "parameters": {"c_rise": {"value": rising, "neutral": 0.0, "unit": "N s-1"}},
+        "states": {"m_slid": {"rate": "abs(d_R)", "unit": "s", "scale": 0.01}},
+    }
+    EFFECTS.keep("rising_friction", effect_of("rising_friction", validate(definition, LawFile, "a test"), "a test"))
+    rig = plant.set(C_FR=0.0).with_effects("rising_friction")
+    dt = rig.sample_time
+    force = -rate * dt * np.arange(int(2000.0 / rate / dt))
+    run = simulate(rig, np.zeros(force.size), force=force, hold="first_order")
+
+    moved = -force > rig["A_FR"]
+    excess = -force[moved] - rig["A_FR"]
+    assert np.all(run["m_slid"][~moved] == 0.0)
+    # A rest may last a hundredth of a sample, and the chambers hold some mN at displacements of a picometre.
+    assert np.max(np.abs(rising * run["m_slid"][moved] - excess)) < 0.05 * rate * dt + 0.1
+    assert np.max(np.abs(run["x"])) < 1e-7

@@ -25,11 +25,13 @@ from .memory_terms import memory_terms
 #: Quantiles of a variable that are tried as locations, and shares of its range as widths. Engineering judgement.
 LOCATIONS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
 WIDTHS = (0.04, 0.08, 0.16, 0.32)
+#: A brake switches at once: of one at 1 A, steps of 0.04 of the range explained 0.31, and of 0.005 0.95.
+SHARP = 0.005
 #: Periods in the range of a position that are tried. Engineering judgement.
 PERIODS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: Levels in the range of a current that are tried, for a drive that sets it in steps; so near to each other that the
 #: steps still fit at both ends of the range. Engineering judgement.
-LEVELS = tuple(np.arange(3.0, 36.0, 0.1).tolist())
+LEVELS = tuple(np.arange(3.0, 100.0, 0.1).tolist())
 
 #: An order of a wave over the angle is whole if it differs from that by so much of itself: an error in it that a fit to
 #: a log leaves. Engineering judgement.
@@ -285,7 +287,9 @@ class Grammar:
         plain = OF_SPEED if variable.speed else dry if variable.effort else (*SMOOTH, *dry)
         for text in plain:
             yield Term(put(text, z=z, d=self.direction), used)
-        low, high = np.quantile(variable.values, [0.005, 0.995]).tolist()
+        # At rest, where a log may spend most of its time, laws of dry friction show nothing.
+        shown = variable.values[self._acts]
+        low, high = np.quantile(shown, [0.005, 0.995]).tolist()
         if variable.speed:
             for share in WIDTHS:
                 units = {"width": variable.unit}
@@ -294,9 +298,10 @@ class Grammar:
         # A dead zone of a variable with one sign is a hinge.
         shaped = [text for text in SHAPED if low < 0.0 < high or "sign" not in text]
         for text in dry_shaped if variable.effort else (*shaped, *dry_shaped):
-            of = np.abs(variable.values) if "abs(z) - at" in text or "at - abs(z)" in text else variable.values
+            of = np.abs(shown) if "abs(z) - at" in text or "at - abs(z)" in text else shown
+            widths = WIDTHS if "width" in text else (0.0,)
             for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
-                for share in WIDTHS if "width" in text else (0.0,):
+                for share in (SHARP, *widths) if "tanh((" in text else widths:
                     shapes = {"at": float(np.quantile(of, quantile)), "width": share * (high - low)}
                     shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
                     yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
@@ -310,6 +315,12 @@ class Grammar:
                     shapes = {"at": phase, "width": (high - low) / (2.0 * np.pi * count)}
                     units = {"at": "1", "width": variable.unit}
                     yield Term(put("sin(z / width + at)", z=z), used, shapes, units)
+
+    @property
+    def _acts(self) -> np.ndarray:
+        """(N - 1,) whether a sample is one in which a contact slides; all of them if it never does, or without one."""
+        acts = np.broadcast_to(self.slides, (self.samples,)) > 0.0
+        return acts if acts.any() else np.ones(self.samples, dtype=bool)
 
     def factor_unit(self, term: Term) -> str:
         """SI unit of the factor of a term."""

@@ -79,13 +79,14 @@ class TriedLaw:
         return evidence(self.law.law, self.input.windows, self.input.nuisance)
 
 
-def laws_of_best(tried: Sequence[TriedLaw], last: ScoredHypothesis, reference: Reference) -> list[TriedLaw]:
+def laws_of_best(tried: Sequence[TriedLaw], last: ScoredHypothesis | None, reference: Reference) -> list[TriedLaw]:
     """The laws that are clearly better than none, for the same unknown input and beside the same effects as the best.
 
-    The lowest deviance first. last: the last hypothesis without a law.
+    The lowest deviance first. last: the last hypothesis without a law, which they must replace; None if they need not.
     """
     good = [one for one in tried if clearly_better(one.law.scored, one.without, reference) and one.law.stable]
-    good = [one for one in good if replaces(one.law.scored, last, reference)]
+    if last is not None:
+        good = [one for one in good if replaces(one.law.scored, last, reference)]
     if not good:
         return []
     good.sort(key=lambda one: one.law.scored.deviance)
@@ -124,14 +125,20 @@ def as_long_as_better(
 ) -> list[TriedLaw]:
     """The laws with others that start from the best, as long as one of these becomes the best.
 
+    The best may not yet replace the effects that imitate it: beside a filter of the sensors, a torque constant that
+    fell with the time left more of the training data than three effects did, and a tenth of it once it had the filter.
     further: laws tried, and those of the best -> others. last: as in `laws_of_best`.
     """
+
+    def best(tried: Sequence[TriedLaw]) -> list[TriedLaw]:
+        return laws_of_best(tried, last, reference) or laws_of_best(tried, None, reference)
+
     tried = list(tried)
-    alike = laws_of_best(tried, last, reference)
+    alike = best(tried)
     better = bool(alike)
     while better:
         found = further(tried, alike)
         tried += found
-        alike = laws_of_best(tried, last, reference)
+        alike = best(tried)
         better = any(alike[0] is one for one in found)
     return tried
