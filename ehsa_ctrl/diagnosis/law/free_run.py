@@ -24,8 +24,9 @@ from .regression import STABLE, LawFit
 
 #: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
 STEPS, RENEW = 6, 2
-#: A refitted number this near to its upper bound is at it.
-AT_BOUND = 0.99
+#: An end value is far away if its time constant is at least this share of the longest running time. Engineering
+#: judgement: at half, the best straight line from the start is nowhere more than 15 % of the end value off.
+FAR_END = 0.5
 #: A width may change by this factor, a location by this share of the variable's range. Engineering judgement.
 WIDER, FARTHER = 5.0, 0.5
 #: Local name of a state of a term -> what it is called in the definition, between a prefix and a number.
@@ -91,21 +92,24 @@ class FreeRunLaw:
 
     @property
     def proportional(self) -> LawFit | None:
-        """With terms in proportion to time in the place of those towards an end value whose time constant ended at its
-        upper bound, which the log does not reach; None without one.
+        """With terms in proportion to time in the place of those towards an end value from which the log is far; None
+        without one.
         """
-        law, numbers = self.refitted, iter(self.file.parameters.values())
-        rows = []
+        law, rows = self.refitted, []
         for factor, sd, term in zip(law.factors, law.sd, law.terms, strict=True):
-            next(numbers)
-            bounds = [next(numbers).bounds for _ in term.shapes]
-            if TOWARDS_END in term.text and bounds[0] and term.shapes["tau"] >= AT_BOUND * bounds[0][1]:
+            if TOWARDS_END in term.text and self._far_end(term):
                 tau, text = term.shapes["tau"], term.text.replace(TOWARDS_END, STATE)
                 rows.append((factor / tau, sd / tau, replace(term, text=text, shapes={}, units={})))
             else:
                 rows.append((factor, sd, term))
         factors, sds, terms = zip(*rows, strict=True)
         return None if terms == law.terms else replace(law, factors=factors, sd=sds, terms=terms)
+
+    def _far_end(self, term: Term) -> bool:
+        """Whether the log ends far from the end value of a term."""
+        assert term.memory is not None
+        longest = float(np.max(self.law.grammar.course(term.memory, term.shapes)[STATE]))
+        return term.shapes["tau"] >= FAR_END * longest
 
 
 def definition_of(law: LawFit, taken: Sequence[str]) -> LawFile:
