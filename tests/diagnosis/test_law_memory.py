@@ -70,6 +70,29 @@ def test_a_wave_of_a_nearly_whole_order_is_tried_with_the_whole_one(plant):
     assert law(2.6).with_whole_orders is None and whole.with_whole_orders is None
 
 
+def test_a_wave_of_a_whole_order_comes_in_the_phase_that_fits_it(plant, monkeypatch):
+    """The phase of an order that is 0.5 % off fits in the middle of the log, and is 2 rad off where that begins."""
+    log = rippled(plant)[1]
+    one = InjectionCase.of(plant, log, {})
+    grammar = Grammar.of(plant, one.signals, "displacement")
+    windows = Windows(with_combined(one.unknown.values)["displacement"], 0.004)
+    nuisance = np.zeros((windows.values.size, 0))
+    best = find_sums(grammar, windows, nuisance)[0]
+    term = best.terms[0]
+    shapes = {"order": 1.99, "at": term.shapes["at"] - 2.0}
+    off = replace(best, terms=(replace(term, shapes=shapes),))
+    monkeypatch.setattr(regression, "_find_sums", lambda *_: [off])
+
+    first, whole = find_sums(grammar, windows, nuisance)
+
+    assert first is off and whole.terms[0].text == "sin(2 * memory + at)" and whole.is_wave
+    assert whole.explained == pytest.approx(best.explained, abs=0.02)
+    assert regression.explained_by(off.with_whole_orders, windows, nuisance) < 0.5 * whole.explained
+    assert np.sign(whole.factors[0]) * np.exp(1j * whole.terms[0].shapes["at"]) == pytest.approx(
+        np.sign(best.factors[0]) * np.exp(1j * term.shapes["at"]), abs=0.2
+    )
+
+
 def test_windows_begin_with_the_states_of_a_law(plant):
     """At the angle of the log in the middle of it: the true wave closes what it makes there."""
     rig, log = rippled(plant)

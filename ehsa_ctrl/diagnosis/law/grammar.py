@@ -101,6 +101,11 @@ class Term:
         return self.text if self.memory is None else f"{self.text}; {self.memory.rates}"
 
     @property
+    def is_wave(self) -> bool:
+        """Whether it is a wave over what it remembers, the shaft angle."""
+        return self.memory is not None and self.text.startswith("sin(")
+
+    @property
     def with_whole_order(self) -> Term:
         """The same wave of the nearest whole order, if its order is nearly whole."""
         order = self.shapes.get(ORDER)

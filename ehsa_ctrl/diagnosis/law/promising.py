@@ -59,14 +59,10 @@ def refitted_over_windows(
     """
     if without.window_deviances is None:
         return []
-    tried = []
-    for one in sums:
-        if one.explained <= SHOWN:
-            continue
-        if (whole := one.with_whole_orders) is not None:
-            tried += [whole, one]
-        elif not any(one is other for other in chosen):
-            tried.append(one)
+    # A wave over the shaft angle has no rival, however little of the input it explains: no pressure balances it.
+    tried = [
+        one for one in sums if one.is_wave or (one.explained > SHOWN and not any(one is other for other in chosen))
+    ]
     found = screen_in_windows(tried, scoring, fit, pool, BETTER * without.window_deviances[0])
     return refit_laws(varied(found)[:MOST_IN_WINDOWS], scoring, fit, pool, by_windows=True)
 

@@ -87,6 +87,11 @@ class LawFit:
         return [replace(self, terms=terms, factors=factors, sd=sd) for terms, factors, sd in columns]
 
     @property
+    def is_wave(self) -> bool:
+        """Whether it has a wave over the shaft angle."""
+        return any(term.is_wave for term in self.terms)
+
+    @property
     def with_whole_orders(self) -> LawFit | None:
         """The same sum with waves that meet again after a turn, where their order is nearly whole; None without one.
 
@@ -340,9 +345,14 @@ def _bordered(block: np.ndarray, rows: np.ndarray, diagonal: np.ndarray) -> np.n
 
 
 def sums_and_placebo(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> tuple[list[LawFit], float]:
-    """`find_sums` and `placebo` of an unknown input."""
+    """`find_sums` and `placebo` of an unknown input. Waves of a nearly whole order come with that order too, behind the
+    others, in the phase that fits then.
+    """
     problem = _SumProblem.of(grammar, _Target(windows, nuisance), list(grammar.terms()))
-    return _find_sums(problem, grammar, MOST_TERMS), _placebo(problem)
+    fits = _find_sums(problem, grammar, MOST_TERMS)
+    whole = [one.with_whole_orders for one in fits]
+    fits += [one for fit in whole if fit is not None and (one := _stable(grammar, problem.target, fit)) is not None]
+    return fits, _placebo(problem)
 
 
 def find_sums(grammar: Grammar, windows: Windows, nuisance: np.ndarray) -> list[LawFit]:
