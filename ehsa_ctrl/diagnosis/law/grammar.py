@@ -300,14 +300,15 @@ class Grammar:
                 units = {"width": variable.unit}
                 yield Term(put("d * exp(-abs(z) / width)", z=z, d=self.direction), used, {"width": share * high}, units)
             return
+        signed, sizes = (np.quantile(values, LOCATIONS).tolist() for values in (shown, np.abs(shown)))
         # A dead zone of a variable with one sign is a hinge.
         shaped = [text for text in SHAPED if low < 0.0 < high or "sign" not in text]
         for text in dry_shaped if variable.effort else (*shaped, *dry_shaped):
-            of = np.abs(shown) if "abs(z) - at" in text or "at - abs(z)" in text else shown
             widths = WIDTHS if "width" in text else (0.0,)
-            for quantile in LOCATIONS if "at" in text.replace("tanh", "") else (0.5,):
+            locations = sizes if "abs(z) - at" in text or "at - abs(z)" in text else signed
+            for at in locations if "at" in text.replace("tanh", "") else (0.0,):
                 for share in (SHARP, *widths) if "tanh((" in text else widths:
-                    shapes = {"at": float(np.quantile(of, quantile)), "width": share * (high - low)}
+                    shapes = {"at": at, "width": share * (high - low)}
                     shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
                     yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
         if variable.unit == "A":
