@@ -108,6 +108,7 @@ def test_a_wave_that_loses_its_phase_in_free_run_is_seen_in_windows():
     # half, no worse. A rig whose held-out gap the true plant does not close had such a wave.
     assert not found(14000.0, (2606.0, 2896.0))
     assert found(14000.0, (2606.0, 2800.0), gaps=(0.15, 0.1)) and not found(19000.0, (2606.0, 2800.0))
+    assert found(18800.0, (2606.0, 2800.0), gaps=(0.15, 0.1))
 
 
 def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():

@@ -55,9 +55,11 @@ def replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Refere
     leaves no more on either, beyond the floor, that matters.
 
     Effects that imitate the law on the training data may leave there as little as it does, and with many numbers less.
+    A law that leaves hardly any of the deviance in windows need only fit no worse, see `clearly_better`.
     """
     clearly = one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
+    sure = _better_in_windows(one, without, SURE_IN_WINDOWS)
     no_more = reference.beyond_floor(one)[1] <= reference.beyond_floor(without)[1] or _better_in_windows(one, without)
-    ahead = no_more and one.deviance < without.deviance - reference.margin(one)
+    ahead = no_more and one.deviance < without.deviance - (0.0 if sure else reference.margin(one))
     more = reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
-    return (clearly or ahead) and (not more or _better_in_windows(one, without, SURE_IN_WINDOWS))
+    return (clearly or ahead) and (not more or sure)
