@@ -71,38 +71,34 @@ class Refitted:
 class Search:
     """What a law search needs, for the nominal plant alone."""
 
+    start: Hypotheses
     base: LawBase
     scoring: Scoring
-    pool: Pool
 
     @classmethod
     def of(cls, plant: Plant, log: Log) -> Search:
         prepared = prepare_logs(plant, [log], None, THRESHOLD, check=True)
         segments = split_logs(prepared, Segment((prepared.logs[0].record,), log.name), has_gap=False)
-        pool = Pool()
         objective, sensitivities = objective_of(segments.training, THRESHOLD)
-        start = Hypotheses.initial(objective, (), sensitivities, pool)
+        start = Hypotheses.initial(objective, (), sensitivities, Pool())
         start = start.with_refits([Task((), {})], "nominal parameters", steps=6)
         start = start.with_level_of(start.best()[0])
         scoring = Scoring.of(start, segments.training, segments.held_out, THRESHOLD, lumped=False)
         scoring = replace(scoring, windows=segments.windows(prepared))
-        return cls(LawBase(curve_logs(prepared, segments, prepared.plant), start.fits[()]), scoring, pool)
+        return cls(start, LawBase(curve_logs(prepared, segments, prepared.plant), start.fits[()]), scoring)
 
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
         reference = Reference.of(self.scoring)
-        found = find_law(
-            [self.base.fit], lambda _: self.base, (), self.scoring, reference, self.pool, self.scoring.training,
-            self.scoring.windows,
-        )  # fmt: skip
+        found = find_law(self.start, None, lambda _: self.base, self.scoring, reference, self.scoring.training)
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:
         """What the most probable law of these inputs closes. any_law: whether chance may explain it as well."""
-        scoring, fit = with_typical_priors(self.scoring), self.base.fit
+        scoring, fit, pool = with_typical_priors(self.scoring), self.base.fit, self.start.pool
         found = [sums_and_placebo(one.grammar, one.windows, one.nuisance) for one in inputs]
         sums = [law for laws, share in found for law in (laws if any_law else beyond_chance(laws, share))]
-        laws = refit_laws(promising(sums, scoring, fit, MOST, np.inf, self.pool), scoring, fit, self.pool)
+        laws = refit_laws(promising(sums, scoring, fit, MOST, np.inf, pool), scoring, fit, pool)
         stable = [law for law in laws if law.stable]
         if not stable:
             return Refitted("", 0.0, accepted=False)

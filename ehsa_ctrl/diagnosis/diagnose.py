@@ -416,11 +416,8 @@ def _law(
         logs = logs_with(fit) if fit.candidates else curve_logs(prepared, segments, prepared.plant)
         return LawBase(logs, fit)
 
-    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection.has_causes else [])]
-    windows = segments.windows(prepared)
-    law = find_law(
-        fits, base_of, hypotheses.candidates, scoring, reference, hypotheses.pool, segments.searched, windows
-    )
+    scoring = replace(scoring, windows=segments.windows(prepared))
+    law = find_law(hypotheses, selection, base_of, scoring, reference, segments.searched)
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)

@@ -134,6 +134,15 @@ def test_an_effect_that_others_replace_or_that_large_numbers_may_imitate_is_not_
     assert claimed(hypothesis(100.0, MANY | {"motor_friction": 0.8}), poor) is None
 
 
+def test_a_larger_set_that_is_clearly_worse_replaces_no_effect():
+    """96 % closed, 86 % by a larger set without the effect, which lacks a quarter; one that leaves as little does."""
+    chosen = hypothesis(100.0, {"entrained_air": 0.1, "rotor_inertia": 0.05}, left=0.004)
+
+    assert claimed(chosen, hypothesis(325.0, MANY, left=0.014)) == {"entrained_air"}
+    assert claimed(chosen, hypothesis(325.0, MANY, left=0.005)) is None
+    assert claimed(chosen, hypothesis(270.0, MANY, left=0.014)) is None
+
+
 def test_a_form_that_fails_on_held_out_data_replaces_nothing():
     follows = replace(hypothesis(200.0, {"position_dependent_friction": 0.1}, left=0.03), held_out_gap={"total": 0.09})
 

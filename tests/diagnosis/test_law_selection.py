@@ -5,6 +5,7 @@ from types import SimpleNamespace as N
 import numpy as np
 
 from ehsa_ctrl.diagnosis.law import beside, fewer_terms, find, found, free_run, promising, tried
+from ehsa_ctrl.diagnosis.law.judgement import is_beaten
 from ehsa_ctrl.diagnosis.law.tried import laws_of_best, likely_forms
 from ehsa_ctrl.diagnosis.model_selection import Reference, Selection
 from ehsa_ctrl.diagnosis.pool import Pool
@@ -109,6 +110,18 @@ def test_a_wave_that_loses_its_phase_in_free_run_is_seen_in_windows():
     assert not found(14000.0, (2606.0, 2896.0))
     assert found(14000.0, (2606.0, 2800.0), gaps=(0.15, 0.1)) and not found(19000.0, (2606.0, 2800.0))
     assert found(18800.0, (2606.0, 2800.0), gaps=(0.15, 0.1))
+
+
+def test_effects_that_leave_clearly_less_beat_a_law_unless_windows_say_otherwise():
+    reference = Reference(19.0, 41607.0, 0.9, 0.7, threshold=0.03)
+
+    def beaten(gaps, windows=None):
+        law = tried_law("flow_2", None, 9000.0, (0.15, 0.63), gaps, 5000.0, windows=((300.0, 400.0), windows))
+        return is_beaten(law.law.scored, law.without, reference)
+
+    assert beaten((0.09, 0.36))
+    assert not beaten((0.12, 0.36)) and not beaten((0.09, 0.5))
+    assert not beaten((0.09, 0.36), windows=(700.0, 800.0))
 
 
 def test_where_the_robust_loss_sees_noise_alone_the_gaps_tell():

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from ...physics.effects import CandidateEffect
+from ..hypothesis_search import Hypotheses
 from ..model_selection import Reference, Selection
 from ..pool import Pool
 from ..records import Segment
@@ -16,6 +15,7 @@ from .fewer_terms import with_fewer_terms
 from .found import FoundLaw, best_law
 from .free_run import RENEW, STEPS, refit_laws, screen_laws
 from .inputs import LawInput
+from .judgement import is_beaten
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
 from .regression import LawFit, sums_and_placebo
 from .tried import BaseOf, LawBase, TriedLaw
@@ -34,23 +34,23 @@ FEW = 2
 
 
 def find_law(
-    fits: Sequence[HypothesisFit],
+    hypotheses: Hypotheses,
+    selection: Selection | None,
     base_of: BaseOf,
-    candidates: Sequence[CandidateEffect],
     scoring: Scoring,
     reference: Reference,
-    pool: Pool,
     screened: Segment,
-    windows: tuple[Sequence[Segment], Sequence[Segment]] | None,
 ) -> FoundLaw | None:
-    """The law that closes most of what the last of the hypotheses leaves; None where none is clearly better than it.
+    """The law that closes most of what the causes of a selection leave; None where none is clearly better than them.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
-    law that is found without each of them. candidates: effects that can act in the logs. screened: data on which laws
-    are simulated before any refit, all training data or a stretch of them. windows: see `Scoring.windows`.
+    law that is found without each of them. selection: None for the nominal plant alone. screened: data on which laws
+    are simulated before any refit, all training data or a stretch of them.
     """
-    scoring = replace(with_typical_priors(scoring), windows=windows)
+    pool, scoring = hypotheses.pool, with_typical_priors(scoring)
     screening = replace(scoring, training=screened)
+    named = selection is not None and selection.has_causes
+    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection is not None and named else [])]
     bases = [base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
@@ -58,8 +58,11 @@ def find_law(
     pairs = zip(bases, without, strict=True)
     tried = [one for base, own in pairs for one in _try(base, own, scoring, screening, most, left, pool)]
     tried = with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
-    tried = with_sensor_errors(tried, without[-1], candidates, base_of, scoring, reference, pool)
+    tried = with_sensor_errors(tried, without[-1], hypotheses.candidates, base_of, scoring, reference, pool)
     tried = with_fewer_terms(tried, without[-1], scoring, reference, pool)
+    if selection is not None and not named:
+        effects = scoring.score(selection.chosen.fit)
+        tried = [one for one in tried if not is_beaten(one.law.scored, effects, reference)]
     return best_law(tried, without[-1], reference)
 
 

@@ -63,3 +63,11 @@ def replaces(one: ScoredHypothesis, without: ScoredHypothesis, reference: Refere
     ahead = no_more and one.deviance < without.deviance - (0.0 if sure else reference.margin(one))
     more = reference.is_relevant(one.training_gap, without.training_gap, reference.floors[0])
     return (clearly or ahead) and (not more or sure)
+
+
+def is_beaten(law: ScoredHypothesis, effects: ScoredHypothesis, reference: Reference) -> bool:
+    """Whether effects of which none may be named leave clearly less than a law, and windows do not say otherwise.
+
+    On a measured record a law of three numbers closed 90 % of a gap of 1100 %, and effects 96 %.
+    """
+    return clearly_better(effects, law, reference) and not _better_in_windows(law, effects)
