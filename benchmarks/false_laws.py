@@ -33,12 +33,13 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.core.parallel import one_blas_thread
 from ehsa_ctrl.diagnosis.hypothesis_search import Hypotheses, Task
+from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.find import MOST, find_law, with_typical_priors, without_law
 from ehsa_ctrl.diagnosis.law.free_run import refit_laws
 from ehsa_ctrl.diagnosis.law.inputs import LawInput
 from ehsa_ctrl.diagnosis.law.judgement import clearly_better
 from ehsa_ctrl.diagnosis.law.promising import beyond_chance, promising
-from ehsa_ctrl.diagnosis.law.regression import sums_and_placebo
+from ehsa_ctrl.diagnosis.law.sum_problem import all_terms
 from ehsa_ctrl.diagnosis.law.tried import LawBase
 from ehsa_ctrl.diagnosis.model_selection import Reference
 from ehsa_ctrl.diagnosis.objective import objective_of
@@ -96,8 +97,11 @@ class Search:
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:
         """What the most probable law of these inputs closes. any_law: whether chance may explain it as well."""
         scoring, fit, pool = with_typical_priors(self.scoring), self.base.fit, self.start.pool
-        found = [sums_and_placebo(one.grammar, one.windows, one.nuisance) for one in inputs]
-        sums = [law for laws, share in found for law in (laws if any_law else beyond_chance(laws, share))]
+        sums = []
+        for one in inputs:
+            problem = all_terms(one.grammar, one.windows, one.nuisance)
+            found = regression.find_sums(problem)
+            sums += found if any_law else beyond_chance(found, regression.placebo(problem))
         laws = refit_laws(promising(sums, scoring, fit, MOST, np.inf, pool), scoring, fit, pool)
         stable = [law for law in laws if law.stable]
         if not stable:

@@ -20,7 +20,9 @@ from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term
 from ehsa_ctrl.diagnosis.law.held import held_laws
-from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
+from ehsa_ctrl.diagnosis.law.law_fit import LawFit
+from ehsa_ctrl.diagnosis.law.regression import find_sums
+from ehsa_ctrl.diagnosis.law.sum_problem import all_terms
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
@@ -39,7 +41,7 @@ def test_the_factor_of_a_pressure_is_per_pascal(plant):
 
 def test_the_definition_is_an_effect_that_the_engine_runs(plant, tmp_path):
     """Its expression has the unit of a force, and the file is read back as it was written."""
-    law = find_sums(*case(lambda x, v, d: 150.0 * d + 2e4 * np.maximum(x - 0.01, 0.0)))[0]
+    law = find_sums(all_terms(*case(lambda x, v, d: 150.0 * d + 2e4 * np.maximum(x - 0.01, 0.0))))[0]
     definition = definition_of(law, list(plant.parameters))
     path = tmp_path / "found.toml"
     path.write_text(law_text(definition), encoding="utf-8")

@@ -8,8 +8,10 @@ from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term
 from ehsa_ctrl.diagnosis.law.inputs import law_inputs
+from ehsa_ctrl.diagnosis.law.law_fit import LawFit
 from ehsa_ctrl.diagnosis.law.memory import clock
-from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
+from ehsa_ctrl.diagnosis.law.regression import find_sums
+from ehsa_ctrl.diagnosis.law.sum_problem import all_terms
 from ehsa_ctrl.diagnosis.objective import NominalParameters
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.physics.effects import LawFile
@@ -29,7 +31,7 @@ def both_chambers(plant, effect, **size):
 def test_leakage_to_the_tank_is_one_law(plant):
     """K_e P in each chamber, within 10 %: the sign is that of a flow out of it."""
     found, signals = both_chambers(plant, "external_leakage", K_e=2e-12)
-    best = find_sums(found.grammar, found.windows, found.nuisance)[0]
+    best = find_sums(all_terms(found.grammar, found.windows, found.nuisance))[0]
     count = signals["P_1"].size - 1
 
     assert [term.text for term in best.terms] == ["P"]
@@ -41,7 +43,7 @@ def test_leakage_to_the_tank_is_one_law(plant):
 def test_the_flow_of_unequal_areas_is_one_law(plant):
     """Chamber 1 grows faster, chamber 2 shrinks more slowly: - dA A v / 2 in both. A free run needs the force too."""
     found, _ = both_chambers(plant, "unequal_areas", dA=0.1)
-    best = find_sums(found.grammar, found.windows, found.nuisance)[0]
+    best = find_sums(all_terms(found.grammar, found.windows, found.nuisance))[0]
 
     assert [term.text for term in best.terms] == ["v"]
     assert best.factors[0] == pytest.approx(-0.05 * plant["A"], rel=0.1)

@@ -11,11 +11,11 @@ from scipy.signal import lsim, lti
 import ehsa_ctrl as e
 from ehsa_ctrl.core.expression import Expression
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
-from ehsa_ctrl.diagnosis.law import regression
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of, with_effect
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term, _beyond_ringing
 from ehsa_ctrl.diagnosis.law.inputs import with_combined
+from ehsa_ctrl.diagnosis.law.law_fit import LawFit
 from ehsa_ctrl.diagnosis.law.memory import (
     FORGETS,
     clock,
@@ -27,7 +27,9 @@ from ehsa_ctrl.diagnosis.law.memory import (
     turn,
 )
 from ehsa_ctrl.diagnosis.law.memory_terms import _friction
-from ehsa_ctrl.diagnosis.law.regression import LawFit, find_sums
+from ehsa_ctrl.diagnosis.law.regression import find_sums, with_whole_orders
+from ehsa_ctrl.diagnosis.law.shapes import shaped
+from ehsa_ctrl.diagnosis.law.sum_problem import SumTarget, all_terms, explained_by
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, split_logs
 from ehsa_ctrl.diagnosis.records import Segment
@@ -70,24 +72,24 @@ def test_a_wave_of_a_nearly_whole_order_is_tried_with_the_whole_one(plant):
     assert law(2.6).with_whole_orders is None and whole.with_whole_orders is None
 
 
-def test_a_wave_of_a_whole_order_comes_in_the_phase_that_fits_it(plant, monkeypatch):
+def test_a_wave_of_a_whole_order_comes_in_the_phase_that_fits_it(plant):
     """The phase of an order that is 0.5 % off fits in the middle of the log, and is 2 rad off where that begins."""
     log = rippled(plant)[1]
     one = InjectionCase.of(plant, log, {})
     grammar = Grammar.of(plant, one.signals, "displacement")
     windows = Windows(with_combined(one.unknown.values)["displacement"], 0.004)
     nuisance = np.zeros((windows.values.size, 0))
-    best = find_sums(grammar, windows, nuisance)[0]
+    problem = all_terms(grammar, windows, nuisance)
+    best = find_sums(problem)[0]
     term = best.terms[0]
     shapes = {"order": 1.99, "at": term.shapes["at"] - 2.0}
     off = replace(best, terms=(replace(term, shapes=shapes),))
-    monkeypatch.setattr(regression, "_find_sums", lambda *_: [off])
 
-    first, whole = find_sums(grammar, windows, nuisance)
+    first, whole = with_whole_orders(problem.target, [off])
 
     assert first is off and whole.terms[0].text == "sin(2 * memory + at)" and whole.is_wave
     assert whole.explained == pytest.approx(best.explained, abs=0.02)
-    assert regression.explained_by(off.with_whole_orders, windows, nuisance) < 0.5 * whole.explained
+    assert explained_by(off.with_whole_orders, windows, nuisance) < 0.5 * whole.explained
     assert np.sign(whole.factors[0]) * np.exp(1j * whole.terms[0].shapes["at"]) == pytest.approx(
         np.sign(best.factors[0]) * np.exp(1j * term.shapes["at"]), abs=0.2
     )
@@ -128,7 +130,7 @@ def test_a_displacement_that_ripples_comes_back_and_keeps_the_power(plant):
     grammar = Grammar.of(plant, one.signals, "displacement")
     windows = Windows(with_combined(one.unknown.values)["displacement"], 0.004)
 
-    best = find_sums(grammar, windows, np.zeros((windows.values.size, 0)))[0]
+    best = find_sums(all_terms(grammar, windows, np.zeros((windows.values.size, 0))))[0]
 
     assert best.terms[0].text == "sin(order * memory + at)"
     assert best.factors[0] == pytest.approx(size, rel=0.1)
@@ -255,7 +257,7 @@ def test_a_resonance_between_two_points_of_the_grid_comes_back(plant):
     _, follows, _ = lsim(system, np.repeat(current, 10), 0.0004 * np.arange(10 * current.size), interp=False)
     windows = Windows(1.2 * (follows.reshape(-1, 10).mean(axis=1) - current), 0.004)
 
-    best = find_sums(grammar, windows, np.zeros((windows.values.size, 0)))[0]
+    best = find_sums(all_terms(grammar, windows, np.zeros((windows.values.size, 0))))[0]
 
     assert [term.text for term in best.terms] == ["(memory - current)"]
     assert best.factors[0] == pytest.approx(1.2, rel=0.02)
@@ -302,7 +304,7 @@ def test_memories_start_anew_with_each_log():
 )
 def test_what_grows_with_time_comes_back(unknown, memories, text, shape, expected):
     """A slow change and a sudden one, with their time."""
-    best = find_sums(*with_memories(case(unknown), *memories))[0]
+    best = find_sums(all_terms(*with_memories(case(unknown), *memories)))[0]
 
     assert text in best.terms[0].text and best.terms[0].memory is not None
     assert best.terms[0].shapes[shape] == pytest.approx(expected, rel=0.1)
@@ -310,9 +312,8 @@ def test_what_grows_with_time_comes_back(unknown, memories, text, shape, expecte
 
 def test_a_law_with_a_memory_is_an_effect(plant):
     """Its definition has the state, its rate and units that fit; a run has the state."""
-    found = find_sums(
-        *with_memories(case(lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3)), *over_time({"d_R": ()}, 24.0))
-    )
+    problem = with_memories(case(lambda x, v, d: 150.0 * d * (TIME[:-1] > 9.3)), *over_time({"d_R": ()}, 24.0))
+    found = find_sums(all_terms(*problem))
     definition = definition_of(found[0], list(plant.parameters))
     EFFECTS.keep("late_jam", effect_of("late_jam", definition, "a test"))
     run = e.simulate(plant.with_effects("late_jam"), np.full(250, 2.0))
@@ -327,13 +328,13 @@ def test_a_step_in_time_does_not_leave_the_log(plant):
         case(lambda x, v, d: 75.0 * d * (1 + np.tanh((TIME[:-1] + 6.0) / 8.0))), *over_time({"d_R": ()}, 24.0)
     )
     grammar = problem[0]
-    found = next(one for one in grammar.memories if "tanh" in one.text)
-    term = Term(found.text, frozenset(found.on), found.shapes, found.units, found.memory)
-    (shaped,) = regression._shaped(grammar, regression._Target(*problem[1:]), [term])
+    step = next(one for one in grammar.memories if "tanh" in one.text)
+    term = Term(step.text, frozenset(step.on), step.shapes, step.units, step.memory)
+    (found,) = shaped(SumTarget(*problem), [term])
 
-    assert 0.0 < shaped.shapes["at"] < term.shapes["at"]
-    for at in (shaped.shapes["at"], 0.0):
-        one = replace(shaped, shapes=shaped.shapes | {"at": at})
+    assert 0.0 < found.shapes["at"] < term.shapes["at"]
+    for at in (found.shapes["at"], 0.0):
+        one = replace(found, shapes=found.shapes | {"at": at})
         own = definition_of(LawFit(grammar, (one,), (150.0,), (3.0,), 0.7), list(plant.parameters)).parameters["c_at_1"]
         assert own.bounds[0] == 0.0 <= own.value < own.bounds[1]
 

@@ -8,10 +8,12 @@ import pytest
 from law_cases import TIME, case
 
 import ehsa_ctrl as e
-from ehsa_ctrl.diagnosis.law import regression
+from ehsa_ctrl.diagnosis.law import regression, shapes
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, LawVariable, Term
+from ehsa_ctrl.diagnosis.law.law_fit import LawFit
 from ehsa_ctrl.diagnosis.law.memory import slip
-from ehsa_ctrl.diagnosis.law.regression import LawFit, evidence, find_sums, placebo
+from ehsa_ctrl.diagnosis.law.regression import find_sums, placebo
+from ehsa_ctrl.diagnosis.law.sum_problem import PENALTY, SumProblem, SumTarget, all_terms, evidence
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.regimes import Windows
 
@@ -28,7 +30,7 @@ from ehsa_ctrl.diagnosis.regimes import Windows
 )
 def test_a_closed_form_comes_back(unknown, terms, factors):
     """The right terms with their factors, within 5 %."""
-    best = find_sums(*case(unknown))[0]
+    best = find_sums(all_terms(*case(unknown)))[0]
 
     assert dict(zip((term.text for term in best.terms), best.factors, strict=True)) == pytest.approx(
         dict(zip(terms, factors, strict=True)), rel=0.05
@@ -57,7 +59,7 @@ def test_a_closed_form_comes_back(unknown, terms, factors):
 )
 def test_location_and_width_come_back(unknown, text, at, width):
     """Off the grid of the selection: within a millimetre, and the width within a tenth."""
-    best = find_sums(*case(unknown))[0]
+    best = find_sums(all_terms(*case(unknown)))[0]
 
     assert best.terms[0].text == text
     assert best.terms[0].shapes["at"] == pytest.approx(at, abs=1e-3)
@@ -67,7 +69,7 @@ def test_location_and_width_come_back(unknown, text, at, width):
 def test_a_bump_that_leaves_the_data_ends_its_sum(monkeypatch):
     """At 19 of its widths from the data it is almost zero, and the square of its factor overflows: no standard
     deviation is infinite, which no effect's file can have."""
-    monkeypatch.setattr(regression, "_shaped", lambda grammar, target, terms: [far(one) for one in terms])
+    monkeypatch.setattr(shapes, "shaped", lambda target, terms: [far(one) for one in terms])
 
     def far(term):
         if term.text != "exp(-((x - at) / width)**2)":
@@ -76,7 +78,7 @@ def test_a_bump_that_leaves_the_data_ends_its_sum(monkeypatch):
         return left[-1]
 
     left = []
-    found = find_sums(*case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2))))
+    found = find_sums(all_terms(*case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2)))))
 
     assert left
     assert np.isfinite([value for one in found for value in (*one.factors, *one.sd)]).all()
@@ -84,7 +86,7 @@ def test_a_bump_that_leaves_the_data_ends_its_sum(monkeypatch):
 
 def test_a_small_constant_beside_friction_comes_back():
     """18 N beside 200 N of friction: less than the smallest gain of a term, but most of what friction leaves."""
-    best = find_sums(*case(lambda x, v, d: 200.0 * d + 18.0))[0]
+    best = find_sums(all_terms(*case(lambda x, v, d: 200.0 * d + 18.0)))[0]
 
     assert [term.text for term in best.terms] == ["d_R", "1"]
     assert best.factors == pytest.approx((200.0, 18.0), rel=0.1)
@@ -108,7 +110,7 @@ def test_the_balance_tells_forms_apart():
 
 def test_a_wave_over_the_position_comes_back():
     """sin(x / width): a period of 20 mm."""
-    best = find_sums(*case(lambda x, v, d: 80.0 * np.sin(2.0 * np.pi * x / 0.02 + 0.4)))[0]
+    best = find_sums(all_terms(*case(lambda x, v, d: 80.0 * np.sin(2.0 * np.pi * x / 0.02 + 0.4))))[0]
 
     assert best.terms[0].text == "sin(x / width + at)"
     assert 2.0 * np.pi * best.terms[0].shapes["width"] == pytest.approx(0.02, rel=0.02)
@@ -120,8 +122,8 @@ def test_what_a_sum_leaves_is_that_of_ridge_regression_on_each_half():
     windows = Windows(np.convolve(random.standard_normal(6000), np.ones(20) / 20.0, "same"), 0.004)
     P = 0.3 * random.standard_normal((windows.values.size, 3))
     columns = [scale * random.standard_normal(windows.values.size) for scale in np.logspace(-4, 3, 8)]
-    target = regression._Target(windows, P)
-    problem = regression._SumProblem.of_columns(target, [Term(f"z_{i}", frozenset()) for i in range(8)], columns)
+    target = SumTarget(Grammar("force", (), {}, {}), windows, P)
+    problem = SumProblem.of_columns(target, [Term(f"z_{i}", frozenset()) for i in range(8)], columns)
 
     def left(y, chosen):
         found = 0.0
@@ -138,7 +140,7 @@ def test_what_a_sum_leaves_is_that_of_ridge_regression_on_each_half():
             assert of.left(chosen) == pytest.approx(left(y, chosen), rel=1e-9)
             assert of.lefts(chosen, [0, 3]) == pytest.approx([left(y, [*chosen, i]) for i in (0, 3)], rel=1e-9)
             assert of.explained(chosen, [3])[0] == pytest.approx(of.share([*chosen, 3]), abs=1e-12)
-    assert of.share([5, 1]) == pytest.approx(1.0 - left(y, [5, 1]) / left(y, []) - 2 * regression.PENALTY)
+    assert of.share([5, 1]) == pytest.approx(1.0 - left(y, [5, 1]) / left(y, []) - 2 * PENALTY)
 
 
 @pytest.mark.parametrize("step", [0.179, 0.788])
@@ -151,7 +153,7 @@ def test_the_steps_of_a_drive_come_back(plant, step):
     values = 1.2 * (step * np.round(current / step) - current)
     windows = Windows(values + 0.03 * np.random.default_rng(0).standard_normal(values.size), 0.004)
 
-    best = find_sums(grammar, windows, np.zeros((windows.values.size, 0)))[0]
+    best = find_sums(all_terms(grammar, windows, np.zeros((windows.values.size, 0))))[0]
 
     assert best.terms[0].text == "(width * round(current / width) - current)"
     assert best.factors[0] == pytest.approx(1.2, rel=0.05)
@@ -207,10 +209,10 @@ def test_a_brake_that_switches_at_once_comes_back():
     windows = Windows(np.where(moves, values, np.nan), 0.004)
     nuisance = np.zeros((windows.values.size, 0))
     gates = [term for term in grammar.terms() if "tanh((at - abs(current))" in term.text]
-    problem = regression._SumProblem.of(grammar, regression._Target(windows, nuisance), gates)
+    problem = SumProblem.of(SumTarget(grammar, windows, nuisance), gates)
 
     assert problem.explained((), range(len(gates))).max() > 0.7
-    best = find_sums(grammar, windows, nuisance)[0]
+    best = find_sums(all_terms(grammar, windows, nuisance))[0]
     assert best.terms[0].text == "d_M * 0.5 * (1 + tanh((at - abs(current)) / width))" and best.explained > 0.9
     assert best.terms[0].shapes["at"] == pytest.approx(1.0, abs=0.01) and best.terms[0].shapes["width"] < 0.02
     assert best.factors[0] == pytest.approx(-0.5, rel=0.05)
@@ -218,27 +220,28 @@ def test_a_brake_that_switches_at_once_comes_back():
 
 def test_friction_that_drives_the_motion_is_no_law():
     """A negative Coulomb level on a frictionless rod would move it by itself."""
-    found = find_sums(*case(lambda x, v, d: -20.0 * d - 200.0 * v))
+    found = find_sums(all_terms(*case(lambda x, v, d: -20.0 * d - 200.0 * v)))
 
     assert all("d_R" not in term.text and "v" not in term.variables for one in found for term in one.terms)
 
 
 def test_chance_explains_nothing():
     """White noise has no law, and a law reversed in time explains less than the law by far."""
-    noise = case(lambda x, v, d: np.random.default_rng(1).standard_normal(x.size))
-    bump = case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2)))
+    noise = all_terms(*case(lambda x, v, d: np.random.default_rng(1).standard_normal(x.size)))
+    bump = all_terms(*case(lambda x, v, d: 300.0 * np.exp(-(((x - 0.008) / 0.006) ** 2))))
 
-    assert find_sums(*noise) == []
-    assert placebo(*bump) < 0.3 < find_sums(*bump)[0].explained - 0.5
+    assert find_sums(noise) == []
+    assert placebo(bump) < 0.3 < find_sums(bump)[0].explained - 0.5
 
 
 def test_a_constant_is_not_taken_for_chance():
     """It is the same in reversed time, and a law all the same; a placebo is what a term explains beyond it."""
-    grammar, windows, nuisance = case(lambda x, v, d: 280.0 + 3000.0 * np.abs(v) + 40.0 * np.sin(40.0 * TIME[:-1] ** 2))
-    best = find_sums(grammar, windows, nuisance)[0]
+    of = case(lambda x, v, d: 280.0 + 3000.0 * np.abs(v) + 40.0 * np.sin(40.0 * TIME[:-1] ** 2))
+    problem = all_terms(*of)
+    best = find_sums(problem)[0]
 
     assert {"1", "abs(v)"} >= {term.text for term in best.terms} and best.explained > 0.9
-    assert placebo(grammar, windows, nuisance) < 0.1
+    assert placebo(problem) < 0.1
 
 
 def test_a_variable_that_explains_everything_hides_no_other():
@@ -250,7 +253,7 @@ def test_a_variable_that_explains_everything_hides_no_other():
         grammar, variables=(*grammar.variables, pressure), known={**grammar.known, "P": pressure.values},
         units={**grammar.units, "P": "Pa"},
     )  # fmt: skip
-    found = [{term.text for term in one.terms} for one in find_sums(grammar, windows, nuisance)]
+    found = [{term.text for term in one.terms} for one in find_sums(all_terms(grammar, windows, nuisance))]
 
     assert found[0] <= {"P", "d_R * abs(P)"} and {"d_R", "v * abs(v)"} in found
 
@@ -260,7 +263,7 @@ def test_a_wrong_nominal_parameter_is_no_law():
     grammar, windows, _ = case(lambda x, v, d: 5e4 * x)
     nuisance = windows.of((1e5 * grammar.known["x"])[:, None])
 
-    assert find_sums(grammar, windows, nuisance) == []
+    assert find_sums(all_terms(grammar, windows, nuisance)) == []
 
 
 def test_no_product_with_what_drives_the_rod(plant):

@@ -16,8 +16,10 @@ from .found import FoundLaw, best_law
 from .free_run import RENEW, STEPS, refit_laws, screen_laws
 from .inputs import LawInput
 from .judgement import is_beaten
+from .law_fit import LawFit
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
-from .regression import LawFit, sums_and_placebo
+from .regression import find_sums, placebo
+from .sum_problem import all_terms
 from .tried import BaseOf, LawBase, TriedLaw
 
 # The numbers below are engineering judgement.
@@ -125,4 +127,5 @@ def _try(
 
 def _sums(one: LawInput) -> tuple[list[LawFit], float]:
     """The best sums for an unknown input, and the share that the placebo explains."""
-    return sums_and_placebo(one.grammar, one.windows, one.nuisance)
+    problem = all_terms(one.grammar, one.windows, one.nuisance)
+    return find_sums(problem), placebo(problem)

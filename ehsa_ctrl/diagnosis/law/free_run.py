@@ -19,8 +19,9 @@ from ..refit import HypothesisFit, refit, stated_sd
 from ..scoring import ScoredHypothesis, Scoring
 from .begin import Begin
 from .grammar import Term
+from .law_fit import LawFit
 from .memory import RATE, STATE, TOWARDS_END
-from .regression import STABLE, LawFit
+from .shapes import STABLE
 
 #: Gauss-Newton steps of a refit, and after how many the Jacobian is computed again. Engineering judgement.
 STEPS, RENEW = 6, 2

@@ -305,12 +305,13 @@ class Grammar:
         # A dead zone of a variable with one sign is a hinge.
         shaped = [text for text in SHAPED if low < 0.0 < high or "sign" not in text]
         for text in dry_shaped if variable.effort else (*shaped, *dry_shaped):
-            widths = WIDTHS if "width" in text else (0.0,)
+            names = Expression.parse(text).names
+            widths = WIDTHS if "width" in names else (0.0,)
             locations = sizes if "abs(z) - at" in text or "at - abs(z)" in text else signed
-            for at in locations if "at" in text.replace("tanh", "") else (0.0,):
+            for at in locations if "at" in names else (0.0,):
                 for share in (SHARP, *widths) if "tanh((" in text else widths:
                     shapes = {"at": at, "width": share * (high - low)}
-                    shapes = {n: v for n, v in shapes.items() if n in Expression.parse(text.replace("d *", "")).names}
+                    shapes = {n: v for n, v in shapes.items() if n in names}
                     yield Term(put(text, z=z, d=self.direction), used, shapes, dict.fromkeys(shapes, variable.unit))
         if variable.unit == "A":
             for count in LEVELS:

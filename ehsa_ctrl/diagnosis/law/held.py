@@ -15,7 +15,7 @@ from ...plant.plant import Plant
 from ..regressors import balance_contact
 from ..unknown_inputs import BalanceSignals
 from .grammar import DRY, Grammar, Term
-from .regression import LawFit
+from .law_fit import LawFit
 
 # The numbers below are engineering judgement.
 

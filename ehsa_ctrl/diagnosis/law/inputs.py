@@ -14,7 +14,7 @@ from ..regimes import MIN_WINDOWS, Windows
 from ..unknown_inputs import BalanceSignals, unknown_inputs
 from .grammar import Grammar, in_turn
 from .held import held_laws
-from .regression import LawFit
+from .law_fit import LawFit
 from .valves import valve_laws
 
 #: Unknown inputs that a chamber integrates, which are averaged over windows this much longer too: a leakage too small
@@ -24,7 +24,7 @@ FLOWS, SLOW = ("flow_1", "flow_2", "flows", "pump_flow", "displacement"), 8
 
 @dataclass(frozen=True)
 class LawInput:
-    """An unknown input on the joined logs. nuisance: (windows, p), see `find_sums`.
+    """An unknown input on the joined logs. nuisance: (windows, p), see `SumTarget`.
 
     held, valves: laws that its values do not show, see `held_laws` and `valve_laws`.
     """

@@ -11,7 +11,8 @@ from ..refit import HypothesisFit
 from ..scoring import ScoredHypothesis, Scoring
 from .free_run import FreeRunLaw, refit_laws, screen_in_windows, screen_laws
 from .inputs import LawInput
-from .regression import LawFit, explained_by
+from .law_fit import LawFit
+from .sum_problem import explained_by
 
 # The numbers below are engineering judgement.
 

@@ -16,7 +16,7 @@ from ..scoring import CauseKey, ScoredHypothesis
 from .free_run import FreeRunLaw
 from .inputs import LawInput, law_inputs, with_combined
 from .judgement import clearly_better, replaces
-from .regression import evidence
+from .sum_problem import evidence
 
 #: Smallest probability of a form in the result. Engineering judgement.
 LIKELY = 0.02
@@ -75,7 +75,7 @@ class TriedLaw:
 
     @property
     def evidence(self) -> float:
-        """What the balance says of its terms, see `regression.evidence`."""
+        """What the balance says of its terms, see `sum_problem.evidence`."""
         return evidence(self.law.law, self.input.windows, self.input.nuisance)
 
 

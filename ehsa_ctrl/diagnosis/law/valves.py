@@ -12,7 +12,7 @@ import numpy as np
 from ...core.expression import put
 from ..regimes import Windows
 from .grammar import Grammar, Term
-from .regression import LawFit
+from .law_fit import LawFit
 
 # The numbers below are engineering judgement.
 
