@@ -129,7 +129,8 @@ def _certain(key: CauseKey, selection: Selection, reference: Reference) -> bool:
     """Whether a cause is an effect that no other set of causes can do without, see PART.
 
     Sets are compared by their deviance, and by what they close on training and on held-out data: a form with many free
-    numbers may follow the one and not the other. Large numbers that cancel each other imitate an effect.
+    numbers may follow the one and not the other. Large numbers that cancel each other imitate an effect. A set that
+    needs more causes to do clearly worse is no rival.
     """
     chosen = selection.chosen
     gaps = {cause: largest(chosen.own_gaps[cause]) for cause in chosen.causes}

@@ -51,9 +51,8 @@ def find_law(
     """
     pool, scoring = hypotheses.pool, with_typical_priors(scoring)
     screening = replace(scoring, training=screened)
-    named = selection is not None and selection.has_causes
-    fits = [hypotheses.fits[()], *([selection.chosen.fit] if selection is not None and named else [])]
-    bases = [base_of(fit) for fit in fits]
+    named = [selection.chosen.fit] if selection is not None and selection.has_causes else []
+    bases = [base_of(fit) for fit in (hypotheses.fits[()], *named)]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     most = MOST // len(bases)
     left = min(screened.gap(one.fit.values)["total"] for one in without)
