@@ -91,7 +91,7 @@ class Search:
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
         reference = Reference.of(self.scoring)
-        found = find_law(self.start, None, lambda _: self.base, self.scoring, reference, self.scoring.training)
+        found = find_law(self.start, None, lambda _: self.base, self.scoring, reference)
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:

@@ -71,6 +71,7 @@ from .second_search import search_from_selection
 from .several_parameters import may_be_several, with_several_parameters
 from .signals import largest
 from .sizes import of_causes, with_sizes
+from .stretch import search_segment
 from .together import joint_location
 from .validation_segment import windows_of
 from .verdict_text import advice, name_of
@@ -417,7 +418,11 @@ def _law(
         return LawBase(logs, fit)
 
     scoring = replace(scoring, windows=segments.windows(prepared))
-    law = find_law(hypotheses, selection, base_of, scoring, reference, segments.searched)
+    on_stretch = None
+    if segments.searched is not segments.training:
+        held_out = search_segment(prepared.held_out_plants, segments.held_out)
+        on_stretch = scoring.on(segments.searched, held_out, hypotheses.best()[0].values)
+    law = find_law(hypotheses, selection, base_of, scoring, reference, on_stretch)
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)

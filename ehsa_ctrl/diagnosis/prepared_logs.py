@@ -76,6 +76,11 @@ class PreparedLogs:
         return self.logs[0].model
 
     @property
+    def held_out_plants(self) -> list[Plant]:
+        """Nominal plant of each record that is held out."""
+        return [one.plant for one in (self.logs if self.validation is None else (self.validation,))]
+
+    @property
     def noise(self) -> dict[str, float]:
         """Channel -> standard deviation, RMS over the logs."""
         return mean_square_root([log.noise for log in self.logs])
@@ -106,8 +111,8 @@ class Segments:
         None where a log does not show the state at their start.
         """
         plants = [one.plant for one in prepared.logs]
-        held_by = plants if prepared.validation is None else [prepared.validation.plant]
-        training, held_out = windows_by_log(plants, self.training), windows_by_log(held_by, self.held_out)
+        training = windows_by_log(plants, self.training)
+        held_out = windows_by_log(prepared.held_out_plants, self.held_out)
         return None if training is None or held_out is None else (_thinned(training), _thinned(held_out))
 
 

@@ -261,6 +261,11 @@ def refit(
     return problem.fit(x, r, J, steps, renew_after, exact=len(missing) == len(problem.free))
 
 
+def fit_on(objective: Objective, fit: HypothesisFit) -> HypothesisFit | None:
+    """The same values as a fit to the data of another objective; None if they can't be simulated there."""
+    return refit(objective, fit.candidates, fit.values, {}, steps=0)
+
+
 def refine(objective: Objective, fit: HypothesisFit, steps: int | None) -> HypothesisFit:
     """Continue a fit with a new Jacobian.
 

@@ -137,11 +137,23 @@ class Scoring:
         objective, best = hypotheses.objective, hypotheses.best()[0]
         weighted = objective.by_channel(best.residual * objective.weights(best.residual))
         weight = residual_weights(weighted, 2.0 * objective.model.log.sample_time)
-        run = held_out.simulate({})
-        error = None if run is None else objective.scale.residual_of(held_out.records, run)
-        noise = tuple(input_noise_effect(objective, segment, best.values) for segment in (training, held_out))
-        return cls(
-            objective, training, held_out, threshold, lumped, weight, (hypotheses.residual, error), (noise[0], noise[1])
+        nominal = hypotheses.residual, _error_on(objective, held_out)
+        noise = _input_noise_effects(objective, training, held_out, best.values)
+        return cls(objective, training, held_out, threshold, lumped, weight, nominal, noise)
+
+    def on(self, training: Segment, held_out: Segment, values: Setting) -> Scoring | None:
+        """The same scoring on other data of the same logs; None if the nominal plant can't be simulated on them.
+
+        values: of the best fit so far, for the effect of the input's noise. The windows stay.
+        """
+        objective = replace(self.objective, model=training.model, segment=training)
+        (fitted,) = objective.residuals([{}])
+        if fitted is None:
+            return None
+        nominal = fitted, _error_on(objective, held_out)
+        noise = _input_noise_effects(objective, training, held_out, values)
+        return replace(
+            self, objective=objective, training=training, held_out=held_out, nominal=nominal, input_noise=noise
         )
 
     def deviance(self, r: np.ndarray) -> float:
@@ -373,6 +385,18 @@ def effect_id_by_parameter(plant: Plant) -> dict[str, str]:
         for symbol in (*effect.symbols, *effect.related_symbols):
             ids.setdefault(own(symbol), name)
     return ids
+
+
+def _error_on(objective: Objective, held_out: Segment) -> np.ndarray | None:
+    """Residuals of the nominal model on held-out data; None if its run stopped."""
+    run = held_out.simulate({})
+    return None if run is None else objective.scale.residual_of(held_out.records, run)
+
+
+def _input_noise_effects(
+    objective: Objective, training: Segment, held_out: Segment, values: Setting
+) -> tuple[InputNoiseEffect, InputNoiseEffect]:
+    return input_noise_effect(objective, training, values), input_noise_effect(objective, held_out, values)
 
 
 def input_noise_effect(objective: Objective, segment: Segment, values: Setting) -> InputNoiseEffect:

@@ -1,4 +1,4 @@
-"""The stretches of long logs in which effects are searched; the best hypotheses are then fitted to all training data.
+"""The stretches of long logs in which effects and laws are searched; the best are then fitted to all training data.
 
 A search takes some thousand simulations, whose time grows with the log, and a minute of motion tells the effects apart
 nearly as well as ten. The stretch is the one that moves most, with most of the gap, in as many independent ways as
@@ -30,7 +30,7 @@ NOTHING = 1e-3
 
 
 def search_segment(plants: Sequence[Plant], training: Segment) -> Segment:
-    """The training data, or the stretches of it in which effects are searched if it is long.
+    """The training (or held-out) data, or the stretches of it in which to search if it is long.
 
     plants: nominal, of each log.
     """
@@ -46,7 +46,7 @@ def search_segment(plants: Sequence[Plant], training: Segment) -> Segment:
             record = part_of_log(plant, record.model, record.noise, [stretch])
             words.append(f"from {log.time[stretch.start]:.4g} to {log.time[stretch.stop - 1]:.4g} s of {log.name}")
         found.append(record)
-    return replace(training, records=tuple(found), name=join_words(words))
+    return replace(training, records=tuple(found), name=join_words(words)) if words else training
 
 
 def _stretch(plant: Plant, record: Record, length: int) -> slice | None:
@@ -57,8 +57,8 @@ def _stretch(plant: Plant, record: Record, length: int) -> slice | None:
     if run is None or end - begin <= length:
         return None
     if has_unmeasured_state(plant, record.model.log):
-        # Such a state is known only where the log begins.
-        return slice(0, length)
+        # Such a state is known only where the log begins, from where each run starts.
+        return slice(begin, begin + length)
     log, of_system = record.model.log, plant.structure.system.scored
     measured, simulated = (scored_signals(of_system, values, log.sample_time) for values in (log.channels, run))
     rows = np.array([*measured.values(), *(measured[name] - simulated[name] for name in simulated)])[:, begin:end]

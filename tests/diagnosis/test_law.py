@@ -16,6 +16,8 @@ import ehsa_ctrl as e
 from ehsa_ctrl.cli.main import app
 from ehsa_ctrl.core import registry
 from ehsa_ctrl.core.log import Log
+from ehsa_ctrl.diagnosis import stretch
+from ehsa_ctrl.diagnosis.law import free_run
 from ehsa_ctrl.diagnosis.law.begin import Begin
 from ehsa_ctrl.diagnosis.law.free_run import FreeRunLaw, definition_of
 from ehsa_ctrl.diagnosis.law.grammar import Grammar, Term
@@ -26,6 +28,7 @@ from ehsa_ctrl.diagnosis.law.sum_problem import all_terms
 from ehsa_ctrl.diagnosis.place_sets import InjectionCase
 from ehsa_ctrl.diagnosis.prepared_logs import prepare_logs, segment_candidates
 from ehsa_ctrl.diagnosis.records import Segment
+from ehsa_ctrl.diagnosis.refit import refit
 from ehsa_ctrl.physics.effects import EFFECTS, LawFile, effect_of, law_text, read_law
 
 
@@ -124,6 +127,34 @@ def test_a_rig_with_a_law_of_its_own(plant, tmp_path, monkeypatch):
     runs = (e.simulate(one, log["current"]) for one in (plant, improved))
     before, after = (np.std(log["p1"] - run["P_1"]) for run in runs)
     assert after < 0.1 * before
+
+
+@pytest.mark.slow
+def test_a_law_found_on_a_stretch_is_refitted_to_all_training_data(plant, tmp_path, monkeypatch):
+    """As in a long log: searched in 4 of 8 s, and its size is that of all of them."""
+    monkeypatch.setattr(stretch, "LONG", 5.0)
+    monkeypatch.setattr(stretch, "SEARCHED", 4.0)
+    monkeypatch.setattr(stretch, "SHORTEST_STRETCH", 4.0)
+    monkeypatch.setattr(registry, "_PROJECTS", [])
+    EFFECTS.keep("rig_leak", effect_of("rig_leak", LawFile.model_validate(LEAK), "the rig"))
+    rig = e.load_plant("ehsa").with_effects("rig_leak")
+    log, _ = e.record(rig, *e.excitation("noise", amplitude=3.0, duration=12.0, sample_time=0.004), centre=True)
+    left_out = [name for name, one in EFFECTS.items() if one.place not in ("flow", "sensor")]
+    segments = []
+    monkeypatch.setattr(free_run, "refit", lambda objective, *rest, **more: (
+        segments.append(objective.segment.samples), refit(objective, *rest, **more))[1])  # fmt: skip
+
+    found = e.diagnose(plant, log, without=[*left_out, "external_leakage", "relief_valve"])
+
+    assert any("effects were searched from" in one for one in found.findings)
+    assert found.law.place == "flow_1" and found.law.variables == ("P_1",)
+    best = next(form for form in found.law.forms if form.file.form.startswith("c_1 * max"))
+    assert best.file.parameters["c_1"].value == pytest.approx(-6e-13, rel=0.1)
+    assert best.file.parameters["c_at_1"].value == pytest.approx(1.2e6, rel=0.1)
+    # Every second sample counts; few laws are refitted to all data.
+    on_all = segments.count(max(segments))
+    assert max(segments) == pytest.approx(8.0 / 0.008, abs=3) and min(segments) == pytest.approx(4.0 / 0.008, abs=3)
+    assert 0 < on_all < 0.5 * len(segments)
 
 
 @pytest.fixture(scope="module")

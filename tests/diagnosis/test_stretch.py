@@ -1,5 +1,7 @@
 """The stretch in which effects are searched: short data as a whole, long data where they move and have a gap."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ import ehsa_ctrl
 from ehsa_ctrl.core.log import Log
 from ehsa_ctrl.diagnosis.hypothesis_model import HypothesisModel
 from ehsa_ctrl.diagnosis.records import Record, Segment
-from ehsa_ctrl.diagnosis.stretch import LONG, SEARCHED, search_segment
+from ehsa_ctrl.diagnosis.stretch import LONG, SEARCHED, SHORTEST_STRETCH, search_segment
 
 SAMPLE_TIME = 0.02
 NOISE = {"speed": 0.5, "p1": 1.5e4, "p2": 1.5e4, "position": 2e-5}
@@ -55,3 +57,26 @@ def test_several_long_logs_share_the_time(plant):
 
     seconds = [sum(record.lengths) * SAMPLE_TIME for record in found.records]
     assert seconds == pytest.approx(3 * [SEARCHED / 3], abs=2 * SAMPLE_TIME)
+
+
+def test_many_short_logs_are_searched_as_a_whole(plant):
+    """They are long together only; a stretch of each would be no shorter."""
+    short = training(plant, 0.9 * SHORTEST_STRETCH, (0.0, SHORTEST_STRETCH))
+    count = int(1.5 * LONG / SHORTEST_STRETCH)
+    together = Segment(count * short.records, "the training data")
+
+    assert search_segment(count * [plant], together) is together
+
+
+def test_a_stretch_of_data_whose_state_the_log_does_not_show_begins_where_it_is_scored(plant):
+    """Held-out data after other data: the run begins with the log, and only held-out samples are scored."""
+    (record,) = training(plant, 3.0 * LONG, (0.0, 3.0 * LONG)).records
+    log = record.model.log
+    model = replace(record.model, log=replace(log, channels={n: y for n, y in log.channels.items() if n != "p1"}))
+    later = Segment((replace(record, model=model, parts=(slice(len(log) // 2, len(log)),)),), "held-out data")
+
+    (found,) = search_segment([plant], later).records
+
+    times = found.take(found.model.log.time)
+    assert times[0] == pytest.approx(1.5 * LONG, abs=2 * SAMPLE_TIME)
+    assert times[-1] == pytest.approx(1.5 * LONG + SEARCHED, abs=2 * SAMPLE_TIME)

@@ -90,6 +90,19 @@ def with_sensor_errors(
     return as_long_as_better(tried, last, reference, more)
 
 
+def refitted_to_all_data(
+    alike: Sequence[TriedLaw], reference: Reference, base_of: BaseOf, scoring: Scoring, pool: Pool
+) -> list[TriedLaw]:
+    """The likely forms of laws that were found on a stretch, refitted beside the same effects to all training data.
+
+    alike, reference: on the stretch, see `laws_of_best`. scoring: on all data.
+    """
+    best, laws = alike[0], [one.law for one, _ in likely_forms(alike, reference)]
+    base = best.base.fit
+    own = {name: best.law.others[name] for c in base.candidates for name in c.names}
+    return _refitted_beside(best, laws, base.candidates, base.values, own, (), base_of, scoring, pool)
+
+
 def found_elsewhere(tried: Sequence[TriedLaw], best: TriedLaw, out: CandidateEffect) -> list[TriedLaw]:
     """The best laws of the same unknown input that were found beside other effects, and without one of them."""
     found: dict[str, TriedLaw] = {}

@@ -1,16 +1,20 @@
-"""Find the law behind what the causes of a diagnosis leave."""
+"""Find the law behind what the causes of a diagnosis leave.
+
+In a long log, laws are searched on stretches of it, and the best one, with the forms that these can't tell from it, is
+refitted to all training data and judged on all data.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..hypothesis_search import Hypotheses
 from ..model_selection import Reference, Selection
 from ..pool import Pool
-from ..records import Segment
-from ..refit import HypothesisFit, refit
+from ..refit import HypothesisFit, fit_on, refit
 from ..scoring import ScoredHypothesis, Scoring
-from .beside import with_fewer_effects, with_sensor_errors
+from .beside import refitted_to_all_data, with_fewer_effects, with_sensor_errors
 from .fewer_terms import with_fewer_terms
 from .found import FoundLaw, best_law
 from .free_run import RENEW, STEPS, refit_laws, screen_laws
@@ -20,7 +24,7 @@ from .law_fit import LawFit
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
 from .regression import find_sums, placebo
 from .sum_problem import all_terms
-from .tried import BaseOf, LawBase, TriedLaw
+from .tried import BaseOf, LawBase, TriedLaw, laws_of_best
 
 # The numbers below are engineering judgement.
 
@@ -41,30 +45,50 @@ def find_law(
     base_of: BaseOf,
     scoring: Scoring,
     reference: Reference,
-    screened: Segment,
+    on_stretch: Scoring | None = None,
 ) -> FoundLaw | None:
     """The law that closes most of what the causes of a selection leave; None where none is clearly better than them.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
-    law that is found without each of them. selection: None for the nominal plant alone. screened: data on which laws
-    are simulated before any refit, all training data or a stretch of them.
+    law that is found without each of them. selection: None for the nominal plant alone. on_stretch: scoring on the
+    stretches of a long log in which laws are searched.
     """
-    pool, scoring = hypotheses.pool, with_typical_priors(scoring)
-    screening = replace(scoring, training=screened)
     named = [selection.chosen.fit] if selection is not None and selection.has_causes else []
-    bases = [base_of(fit) for fit in (hypotheses.fits[()], *named)]
-    without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
-    most = MOST // len(bases)
-    left = min(screened.gap(one.fit.values)["total"] for one in without)
-    pairs = zip(bases, without, strict=True)
-    tried = [one for base, own in pairs for one in _try(base, own, scoring, screening, most, left, pool)]
-    tried = with_fewer_effects(tried, without[-1], base_of, scoring, reference, pool)
-    tried = with_sensor_errors(tried, without[-1], hypotheses.candidates, base_of, scoring, reference, pool)
-    tried = with_fewer_terms(tried, without[-1], scoring, reference, pool)
+    fits = [hypotheses.fits[()], *named]
+    scoring = with_typical_priors(scoring)
+    if on_stretch is None:
+        tried, last = _search(hypotheses, fits, base_of, scoring, reference)
+    else:
+        on_stretch, there = with_typical_priors(on_stretch), Reference.of(on_stretch)
+        moved = [fit_on(on_stretch.objective, fit) for fit in fits]
+        if any(fit is None for fit in moved):
+            return None
+        tried, last = _search(hypotheses, [fit for fit in moved if fit is not None], base_of, on_stretch, there)
+        alike = laws_of_best(tried, last, there)
+        if not alike:
+            return None
+        last = without_law(fits[-1], scoring)
+        tried = refitted_to_all_data(alike, there, base_of, scoring, hypotheses.pool)
     if selection is not None and not named:
         effects = scoring.score(selection.chosen.fit)
         tried = [one for one in tried if not is_beaten(one.law.scored, effects, reference)]
-    return best_law(tried, without[-1], reference)
+    return best_law(tried, last, reference)
+
+
+def _search(
+    hypotheses: Hypotheses, fits: Sequence[HypothesisFit], base_of: BaseOf, scoring: Scoring, reference: Reference
+) -> tuple[list[TriedLaw], ScoredHypothesis]:
+    """Laws beside each of these fits in free run, and the last fit without a law."""
+    pool = hypotheses.pool
+    bases = [base_of(fit) for fit in fits]
+    without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
+    last, most = without[-1], MOST // len(bases)
+    left = min(scoring.training.gap(one.fit.values)["total"] for one in without)
+    pairs = zip(bases, without, strict=True)
+    tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool)]
+    tried = with_fewer_effects(tried, last, base_of, scoring, reference, pool)
+    tried = with_sensor_errors(tried, last, hypotheses.candidates, base_of, scoring, reference, pool)
+    return with_fewer_terms(tried, last, scoring, reference, pool), last
 
 
 def law_is_sought(selection: Selection, reference: Reference) -> bool:
@@ -95,13 +119,14 @@ def _try(
     base: LawBase,
     without: ScoredHypothesis,
     scoring: Scoring,
-    screening: Scoring,
     most: int,
     left: float,
     pool: Pool,
 ) -> list[TriedLaw]:
-    """The most promising laws beside a hypothesis, in free run. without: the hypothesis without a law. screening: the
-    scoring on the data for screening. left: smallest gap that a hypothesis without a law leaves on these.
+    """The most promising laws beside a hypothesis, in free run.
+
+    without: the hypothesis without a law. left: smallest gap that a hypothesis without a law leaves on the training
+    data.
     """
     inputs = base.inputs(scoring.objective.nominal)
     found = pool.map("laws", _sums, inputs, lambda one: one.windows.values.size)
@@ -110,8 +135,8 @@ def _try(
     held = with_explained([law for one in inputs for law in one.held], inputs)
     valves = with_explained([law for one in inputs for law in one.valves], inputs)
     far, far_held = (max(scoring.threshold, times * left) for times in (FAR, FAR_HELD))
-    chosen = screen_laws(held, screening, base.fit, pool, far_held)
-    chosen += promising([*sums, *valves], screening, base.fit, most, far, pool)
+    chosen = screen_laws(held, scoring, base.fit, pool, far_held)
+    chosen += promising([*sums, *valves], scoring, base.fit, most, far, pool)
     by_name = {one.name: one for one in reversed(inputs)}
     refitted = refit_laws(chosen, scoring, base.fit, pool)
     refitted += refitted_over_windows(sums, chosen, scoring, base.fit, without, pool)
