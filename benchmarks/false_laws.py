@@ -40,7 +40,7 @@ from ehsa_ctrl.diagnosis.law.inputs import LawInput
 from ehsa_ctrl.diagnosis.law.judgement import clearly_better
 from ehsa_ctrl.diagnosis.law.promising import beyond_chance, promising
 from ehsa_ctrl.diagnosis.law.sum_problem import all_terms
-from ehsa_ctrl.diagnosis.law.tried import LawBase
+from ehsa_ctrl.diagnosis.law.tried import LawBase, LawData
 from ehsa_ctrl.diagnosis.model_selection import Reference
 from ehsa_ctrl.diagnosis.objective import objective_of
 from ehsa_ctrl.diagnosis.pool import Pool
@@ -88,15 +88,19 @@ class Search:
         scoring = replace(scoring, windows=segments.windows(prepared))
         return cls(start, LawBase(curve_logs(prepared, segments, prepared.plant), start.fits[()]), scoring)
 
+    @property
+    def data(self) -> LawData:
+        return LawData(lambda _: self.base, self.scoring, Reference.of(self.scoring))
+
     def law(self) -> str:
         """The form of the law that the search accepts; empty without one."""
-        reference = Reference.of(self.scoring)
-        found = find_law(self.start, None, lambda _: self.base, self.scoring, reference)
+        found = find_law(self.start, None, self.data)
         return "" if found is None else f"{found.proposed.place}: {found.proposed.forms[0].file.form}"
 
     def refitted(self, inputs: Sequence[LawInput], *, any_law: bool) -> Refitted:
         """What the most probable law of these inputs closes. any_law: whether chance may explain it as well."""
-        scoring, fit, pool = with_typical_priors(self.scoring), self.base.fit, self.start.pool
+        data, fit, pool = with_typical_priors(self.data), self.base.fit, self.start.pool
+        scoring = data.scoring
         sums = []
         for one in inputs:
             problem = all_terms(one.grammar, one.windows, one.nuisance)
@@ -109,8 +113,7 @@ class Search:
         without = without_law(fit, scoring)
         best = min(stable, key=lambda law: law.scored.deviance)
         closed = 1.0 - best.scored.held_out_gap["total"] / without.held_out_gap["total"]
-        reference = Reference.of(self.scoring)
-        accepted = any(clearly_better(law.scored, without, reference) for law in stable)
+        accepted = any(clearly_better(law.scored, without, data.reference) for law in stable)
         return Refitted(f"{best.file.adds_to}: {best.file.form}", closed, accepted)
 
 

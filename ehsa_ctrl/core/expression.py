@@ -12,7 +12,7 @@ import linecache
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache, reduce
+from functools import cache, lru_cache, reduce
 from types import CodeType
 from typing import Any
 
@@ -66,10 +66,10 @@ class Expression:
         """Parse a text. Raises InputError for anything that is not an arithmetic expression."""
         return cls(text.strip(), _parsed(text))
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of variables and parameters, in the order of their first use."""
-        return tuple(dict.fromkeys(node.id for node in _nodes(self.tree) if isinstance(node, ast.Name)))
+        return _names(self.text)
 
     @property
     def terms(self) -> tuple[Expression, ...]:
@@ -132,6 +132,11 @@ _ARRAY_FUNCTIONS: Mapping[str, Any] = {
     "__builtins__": {}, "min": _smallest, "max": _largest,
     **{name: getattr(np, name) for name in ("sign", "abs", "sqrt", "exp", "sin", "cos", "tanh", "round")},
 }  # fmt: skip
+
+
+@cache
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(node.id for node in _nodes(_parsed(text)) if isinstance(node, ast.Name)))
 
 
 @cache

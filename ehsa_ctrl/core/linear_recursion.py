@@ -36,3 +36,18 @@ def linear_recursion(transition: np.ndarray, added: np.ndarray, begin: np.ndarra
                 out[s + 1, i, q + j] = added[s, i, j]
         add_product(transition[s], out[s], out[s + 1])
     return out
+
+
+@cached_njit(nogil=True)
+def constant_recursion(transition: np.ndarray, added: np.ndarray) -> np.ndarray:
+    """Course (N, n) of y[s + 1] = transition y[s] + added[s] from zero, with one transition (n, n); added (N, n).
+
+    The last row of `added` has no effect.
+    """
+    out = np.zeros_like(added)
+    for s in range(added.shape[0] - 1):
+        for i in range(added.shape[1]):
+            out[s + 1, i] = added[s, i]
+            for m in range(added.shape[1]):
+                out[s + 1, i] += transition[i, m] * out[s, m]
+    return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -98,3 +98,96 @@ class ActingModel:
                 compliance = values[switch.number] if switch.active(values) else 1.0 / plant[switch.parameter]
                 state[self.positions[switch.state]] = switch.deflection(**given) * compliance
         return state
+
+
+@dataclass(frozen=True)
+class ActingModels:
+    """The models of hypotheses about one plant, by what acts in each. All its logs, and their windows, share them.
+
+    plant, by_law: see `HypothesisModel`. replayed: effects that follow a measured channel of the log.
+    """
+
+    plant: Plant
+    by_law: Mapping[str, Plant]
+    replayed: tuple[str, ...]
+
+    def of(self, values: Mapping[str, float]) -> ActingModel:
+        """The plant with the friction law of a hypothesis and those effects alone that act in it."""
+        switch = next((one for one in self.switches if one.active(values)), None)
+        law = "" if switch is None else switch.law
+        full = self.by_law.get(law, self.plant)
+        acts = dict(self._nominally[law])
+        for effect in {effect for name in values for effect in self._owners.get(name, ())}:
+            if effect.name in acts:
+                acts[effect.name] = _acts(effect, values, full)
+        names = tuple(
+            effect.name for effect in self._simulated if acts[effect.name] and acts.get(effect.extends or "", True)
+        )
+        if (law, names) not in self._known:
+            plant = full.with_structure(replace(full.structure, effects=names))
+            return self._known.setdefault((law, names), ActingModel(plant, switch))
+        return self._known[law, names]
+
+    def changed(self, acting: ActingModel, values: Mapping[str, float]) -> dict[str, float]:
+        """The parameters that a hypothesis changes in a model; those of effects that it lacks are left out."""
+        changed = {name: value for name, value in values.items() if "." not in name and name not in self._of_switches}
+        if acting.switch is not None:
+            changed |= acting.switch.parameters(values, acting.plant.values)
+        known = self.plant.parameters
+        return {name: value for name, value in changed.items() if name in acting.columns or name not in known}
+
+    @cached_property
+    def switches(self) -> tuple[LawSwitch, ...]:
+        """See `law_switches`."""
+        return law_switches()
+
+    @cached_property
+    def _known(self) -> dict[tuple[str, tuple[str, ...]], ActingModel]:
+        """(law of a switch, names of the effects) -> model."""
+        return {}
+
+    @cached_property
+    def _nominally(self) -> dict[str, dict[str, bool]]:
+        """Law of a switch -> effect -> whether it acts at the plant's own values."""
+        plants = {"": self.plant, **{switch.law: self.plant for switch in self.switches}, **self.by_law}
+        return {
+            law: {
+                effect.name: effect.name in plant.structure.effects and _acts(effect, {}, plant)
+                for effect in self._simulated
+            }
+            for law, plant in plants.items()
+        }
+
+    @cached_property
+    def _simulated(self) -> tuple[Effect, ...]:
+        """The effects of the plant that do not follow a measured channel."""
+        return tuple(EFFECTS[name] for name in self.plant.structure.effects if name not in self.replayed)
+
+    @cached_property
+    def _owners(self) -> dict[str, tuple[Effect, ...]]:
+        """Parameter -> simulated effects that have it."""
+        owners: dict[str, tuple[Effect, ...]] = {}
+        for effect in self._simulated:
+            for parameter in effect.parameters:
+                owners[parameter.name] = (*owners.get(parameter.name, ()), effect)
+        return owners
+
+    @cached_property
+    def _of_switches(self) -> frozenset[str]:
+        """Free numbers of the law switches, which are no parameters of the plant."""
+        return frozenset(name for one in self.switches for name in (one.number, *one.defaults))
+
+
+def law_switches() -> tuple[LawSwitch, ...]:
+    """Replacements of the rod's friction law that a hypothesis may contain."""
+    return tuple(effect.switch for effect in EFFECTS.members().values() if effect.switch is not None)
+
+
+def _acts(effect: Effect, values: Mapping[str, float], plant: Plant) -> bool:
+    """Whether an effect of a plant acts with these values, and is not negligible."""
+    if not effect.parameters:
+        return True
+    own = [values.get(p.name, plant[p.name]) for p in effect.parameters]
+    if effect.parameters[0].is_negligible(own[0]):
+        return False
+    return any(value != p.neutral for p, value in zip(effect.parameters, own, strict=True))

@@ -10,8 +10,9 @@ import numpy as np
 from ..core.log import Log
 from ..physics.effects import EFFECTS
 from ..plant.plant import Plant, sensor_unit
+from .acting_model import law_switches
 from .diagnosis import Cause, CauseParameter, RelatedEffect
-from .hypothesis_model import is_applicable, law_switches
+from .hypothesis_model import is_applicable
 from .model_selection import Reference, Selection
 from .own_offsets import IN_LOG, log_of, shared_name
 from .scoring import CauseKey, ScoredHypothesis, Scoring

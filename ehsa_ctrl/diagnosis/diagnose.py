@@ -40,7 +40,7 @@ from .law.experiment import form_experiment
 from .law.find import find_law, law_is_sought
 from .law.found import FoundLaw, without_imitators
 from .law.free_run import with_effect
-from .law.tried import LawBase
+from .law.tried import LawBase, LawData
 from .model_selection import Reference, Selection, select_model
 from .next_experiment import deciding_experiment
 from .objective import objective_of
@@ -417,12 +417,9 @@ def _law(
         logs = logs_with(fit) if fit.candidates else curve_logs(prepared, segments, prepared.plant)
         return LawBase(logs, fit)
 
-    scoring = replace(scoring, windows=segments.windows(prepared))
-    on_stretch = None
-    if segments.searched is not segments.training:
-        held_out = search_segment(prepared.held_out_plants, segments.held_out)
-        on_stretch = scoring.on(segments.searched, held_out, hypotheses.best()[0].values)
-    law = find_law(hypotheses, selection, base_of, scoring, reference, on_stretch)
+    data = LawData(base_of, replace(scoring, windows=segments.windows(prepared)), reference)
+    stretch = None if segments.searched is segments.training else _stretch(prepared, segments, hypotheses, data)
+    law = find_law(hypotheses, selection, data, stretch)
     if law is None:
         return None, selection
     others = without_imitators(selection, law, reference)
@@ -430,6 +427,22 @@ def _law(
         # What causes leave that explain the gap does not matter.
         return None, selection
     return law, others
+
+
+def _stretch(prepared: PreparedLogs, segments: Segments, hypotheses: Hypotheses, data: LawData) -> LawData | None:
+    """The stretches of long logs in which laws are searched; None if the nominal plant can't be simulated on them."""
+    held_out = search_segment(prepared.held_out_plants, segments.held_out)
+    scoring = data.scoring.on(segments.searched, held_out, hypotheses.best()[0].values)
+    if scoring is None:
+        return None
+    searched = segments.searched_samples(prepared)
+
+    def base_of(fit: HypothesisFit) -> LawBase:
+        base = data.base_of(fit)
+        own = [replace(one, training=part) for one, part in zip(base.logs, searched, strict=False)]
+        return replace(base, logs=[*own, *base.logs[len(own) :]])
+
+    return LawData(base_of, scoring, Reference.of(scoring))
 
 
 def _where(location: Location, causes: Sequence[Cause]) -> tuple[tuple[str, float], ...]:

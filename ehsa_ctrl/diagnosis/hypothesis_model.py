@@ -17,14 +17,14 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.log import CHANNELS, Log
 from ..identification.logged_inputs import invert_sensor, logged_inputs, undo_sensor
-from ..physics.effects import EFFECTS, Effect, LawSwitch, with_extended
+from ..physics.effects import EFFECTS, Effect, with_extended
 from ..physics.friction import SYMBOLS
 from ..plant.plant import Plant, Sensor
 from ..plant.structure import Structure
 from ..plant.system import Contact
 from ..simulation.engine import simulate_batch
 from ..simulation.sensors import noise_free_reading
-from .acting_model import ActingModel
+from .acting_model import ActingModel, ActingModels
 from .own_offsets import shared_name, values_in_log
 
 #: Friction laws that are special cases of (8), with some parameters zero.
@@ -95,11 +95,6 @@ def effects_with_parameters() -> tuple[str, ...]:
     return tuple(name for name, effect in EFFECTS.items() if effect.wired and effect.parameters)
 
 
-def law_switches() -> tuple[LawSwitch, ...]:
-    """Replacements of the rod's friction law that a hypothesis may contain."""
-    return tuple(effect.switch for effect in EFFECTS.members().values() if effect.switch is not None)
-
-
 def lacks_dry_friction(plant: Plant) -> bool:
     """Whether no contact of the plant has dry friction (A = 0 for all)."""
     levels = [contact.symbol("A") for contact in plant.structure.system.contacts]
@@ -114,16 +109,6 @@ def is_applicable(structure: Structure, effect: str) -> bool:
         return False
 
 
-def _acts(effect: Effect, values: Setting, plant: Plant) -> bool:
-    """Whether an effect of a plant acts with these values, and is not negligible."""
-    if not effect.parameters:
-        return True
-    own = [values.get(p.name, plant[p.name]) for p in effect.parameters]
-    if effect.parameters[0].is_negligible(own[0]):
-        return False
-    return any(value != p.neutral for p, value in zip(effect.parameters, own, strict=True))
-
-
 @dataclass(frozen=True)
 class HypothesisModel:
     """A plant with every effect, driven by a log.
@@ -131,7 +116,8 @@ class HypothesisModel:
     plant: see `with_every_effect`. log: gives the inputs and the measurements. start: state -> value at the first
     sample, by the nominal sensors; states that are missing are at rest. plants_by_law: friction law -> plant with this
     law, for hypotheses that replace the rod's. tolerance: relative, of the engine. label: of the log among several,
-    for numbers that act in it alone (`own_offsets`).
+    for numbers that act in it alone (`own_offsets`). shared: models by what acts, of all models that came from one by
+    `replace`, such as those of windows.
 
     If the log has the channel of an effect's `replay`, this effect follows the measurement, not the simulation.
     """
@@ -142,6 +128,7 @@ class HypothesisModel:
     plants_by_law: Mapping[str, Plant] = field(default_factory=dict)
     tolerance: float = 1e-5
     label: str = ""
+    shared: dict[object, ActingModels] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -174,16 +161,16 @@ class HypothesisModel:
         settings = [values_in_log(values, self.label) for values in settings]
         drives = [self._drive(values) for values in settings]
         out: list[dict[str, np.ndarray] | None] = [None] * len(settings)
-        acting = [self._acting(values) for values in settings]
+        acting = [self._acting.of(values) for values in settings]
         groups: dict[tuple[int, int], list[int]] = {}
         for i in range(len(settings)):
             groups.setdefault((id(drives[i]), id(acting[i])), []).append(i)
         for members in groups.values():
             one, drive = acting[members[0]], drives[members[0]]
-            rows = np.array([one.parameters(self._changed(one, settings[i])) for i in members])
+            rows = np.array([one.parameters(self._acting.changed(one, settings[i])) for i in members])
             states = None
             if first is not None:
-                given = first, self.plant.sensors, drive[0], self._switches
+                given = first, self.plant.sensors, drive[0], self._acting.switches
                 states = np.array([one.start(settings[i], *given) for i in members])
             batch = simulate_batch(
                 one.plant, rows, drive, force=self._outer_input, hold=self.plant.structure.system.hold,
@@ -194,79 +181,19 @@ class HypothesisModel:
                     out[i] = self._readings(one, batch.states[j], batch.cell_force[j], settings[i])
         return out
 
-    def _acting(self, values: Setting) -> ActingModel:
-        """The plant with the friction law of a setting and those effects alone that act in it."""
-        switch = next((one for one in self._switches if one.active(values)), None)
-        law = "" if switch is None else switch.law
-        full = self.plants_by_law.get(law, self.plant)
-        acts = dict(self._nominally_acting[law])
-        for effect in {effect for name in values for effect in self._owners.get(name, ())}:
-            if effect.name in acts:
-                acts[effect.name] = _acts(effect, values, full)
-        names = tuple(
-            effect.name
-            for effect in self._simulated_effects
-            if acts[effect.name] and acts.get(effect.extends or "", True)
-        )
-        if (law, names) not in self._acting_models:
-            plant = full.with_structure(replace(full.structure, effects=names))
-            return self._acting_models.setdefault((law, names), ActingModel(plant, switch))
-        return self._acting_models[law, names]
-
     @cached_property
-    def _acting_models(self) -> dict[tuple[str, tuple[str, ...]], ActingModel]:
-        """(law of a switch, names of the effects) -> model."""
-        return {}
-
-    @cached_property
-    def _switches(self) -> tuple[LawSwitch, ...]:
-        return law_switches()
-
-    @cached_property
-    def _nominally_acting(self) -> dict[str, dict[str, bool]]:
-        """Law of a switch -> effect -> whether it acts at the plant's own values."""
-        plants = {"": self.plant, **{switch.law: self.plant for switch in self._switches}, **self.plants_by_law}
-        return {
-            law: {
-                effect.name: effect.name in plant.structure.effects and _acts(effect, {}, plant)
-                for effect in self._simulated_effects
-            }
-            for law, plant in plants.items()
-        }
-
-    @cached_property
-    def _owners(self) -> dict[str, tuple[Effect, ...]]:
-        """Parameter -> simulated effects that have it."""
-        owners: dict[str, tuple[Effect, ...]] = {}
-        for effect in self._simulated_effects:
-            for parameter in effect.parameters:
-                owners[parameter.name] = (*owners.get(parameter.name, ()), effect)
-        return owners
-
-    @cached_property
-    def _of_switches(self) -> frozenset[str]:
-        """Free numbers of the law switches, which are no parameters of the plant."""
-        return frozenset(name for one in self._switches for name in (one.number, *one.defaults))
-
-    def _changed(self, acting: ActingModel, values: Setting) -> dict[str, float]:
-        """The parameters that a setting changes in a model; those of effects that it lacks are left out."""
-        changed = {name: value for name, value in values.items() if "." not in name and name not in self._of_switches}
-        if acting.switch is not None:
-            changed |= acting.switch.parameters(values, acting.plant.values)
-        known = self.plant.parameters
-        return {name: value for name, value in changed.items() if name in acting.columns or name not in known}
+    def _acting(self) -> ActingModels:
+        replayed = tuple(effect.name for effect in self._replay_effects)
+        key = id(self.plant), id(self.plants_by_law), replayed
+        if key not in self.shared:
+            self.shared[key] = ActingModels(self.plant, self.plants_by_law, replayed)
+        return self.shared[key]
 
     @cached_property
     def _replay_effects(self) -> tuple[Effect, ...]:
         """Effects that follow a measured channel of the log."""
         own = map(EFFECTS.__getitem__, self.plant.structure.effects)
         return tuple(e for e in own if e.replay is not None and e.replay.channel in self.log.channels)
-
-    @cached_property
-    def _simulated_effects(self) -> tuple[Effect, ...]:
-        """The other effects of the plant."""
-        own = map(EFFECTS.__getitem__, self.plant.structure.effects)
-        return tuple(e for e in own if e not in self._replay_effects)
 
     @cached_property
     def _nominal_drive(self) -> np.ndarray:

@@ -9,7 +9,8 @@ from typing import Any
 from ..core.parameter import Parameter
 from ..physics.effects import EFFECTS, CandidateEffect, EffectParameter, with_extended
 from ..plant.plant import SENSOR_WORDS, Plant
-from .hypothesis_model import Setting, absent_friction, law_switches
+from .acting_model import law_switches
+from .hypothesis_model import Setting, absent_friction
 from .refit import stated_sd
 
 

@@ -20,8 +20,9 @@ from ..plant.plant import Plant
 from ..simulation.bench import CENTRING_TIME
 from ..simulation.engine import simulate_batch
 from ..simulation.limits import reached
+from .acting_model import law_switches
 from .excitation_library import LibraryInput
-from .hypothesis_model import HypothesisModel, Setting, law_switches, with_every_effect
+from .hypothesis_model import HypothesisModel, Setting, with_every_effect
 from .objective import STEP, TEMPER, NominalParameters, Objective, ResidualScale
 
 # The numbers below are engineering judgement.

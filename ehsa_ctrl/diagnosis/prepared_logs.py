@@ -12,13 +12,13 @@ from ..identification.checks import check_log, raise_on_error
 from ..identification.plant_log import plant_of_log
 from ..physics.effects import EFFECTS, CandidateEffect
 from ..plant.plant import Plant
+from .acting_model import law_switches
 from .candidate_effects import candidate_effects
 from .free_curve import CurveLog
 from .hypothesis_model import (
     STRIBECK_SPECIAL_CASES,
     HypothesisModel,
     inapplicable_effects,
-    law_switches,
     with_every_effect,
 )
 from .improved_plant import improved_plant
@@ -104,6 +104,16 @@ class Segments:
         """The same segments, changed one by one."""
         whole, training, held_out, searched = map(change, (self.whole, self.training, self.held_out, self.searched))
         return Segments(whole, training, held_out, searched, self.splits)
+
+    def searched_samples(self, prepared: PreparedLogs) -> list[tuple[slice, ...]]:
+        """The samples of each log that are searched."""
+        found = []
+        for record, one in zip(self.searched.records, prepared.logs, strict=True):
+            log = record.model.log
+            first = int(round((log.time[0] - one.log.time[0]) / log.sample_time))
+            spans = (part.indices(len(log)) for part in record.parts)
+            found.append(tuple(slice(first + begin, first + end) for begin, end, _ in spans))
+        return found
 
     def windows(self, prepared: PreparedLogs) -> tuple[tuple[Segment, ...], tuple[Segment, ...]] | None:
         """Training and held-out data of each log in windows, at most MOST_WINDOWS of each.

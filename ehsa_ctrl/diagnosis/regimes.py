@@ -75,8 +75,8 @@ class Curve:
 class Windows:
     """Weighted means of an unknown input over windows in which it is known.
 
-    values, centres, fold: (windows,) mean, time [s] and fold of each window. size: number of samples of the input.
-    longer: factor on length, stride and interval.
+    values, centres, fold: (windows,) mean, time [s] and fold of each window. span: samples from the first window to the
+    last. longer: factor on length, stride and interval.
     """
 
     def __init__(
@@ -85,14 +85,17 @@ class Windows:
         self._window, self._stride = longer * WINDOW, longer * STRIDE
         weights = np.sin(np.pi * (np.arange(self._window) + 0.5) / self._window) ** 2
         self._weights = weights / weights.sum()
-        self.usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
-        if fitted is not None and self.usable.size:
+        usable = self._means(np.isfinite(values).astype(float)) > 1.0 - 1e-9
+        if fitted is not None and usable.size:
             parts = np.lib.stride_tricks.sliding_window_view(fitted, self._window)
-            self.usable &= parts[:: self._stride].all(axis=1)
-        self.values = self._means(fill_nan(values))[self.usable]
-        self.centres = self._stride * np.arange(self.usable.size)[self.usable] * sample_time
+            usable &= parts[:: self._stride].all(axis=1)
+        used = np.flatnonzero(usable)
+        first, last = (int(used[0]), int(used[-1])) if used.size else (0, -1)
+        self._usable = usable[first : last + 1]
+        self.span = slice(self._stride * first, self._stride * last + self._window if used.size else 0)
+        self.values = self.over_span(fill_nan(values)[self.span])
+        self.centres = self._stride * used * sample_time
         self.fold = (self.centres // (longer * INTERVAL)).astype(int) % 2
-        self.size = values.size
 
     def _means(self, values: np.ndarray) -> np.ndarray:
         # A window is a whole number of strides. Sums over strides are much faster than products of overlapping windows.
@@ -104,8 +107,12 @@ class Windows:
 
     def of(self, columns: np.ndarray) -> np.ndarray:
         """Columns (N - 1, k) averaged over the same windows."""
-        found = [self._means(column)[self.usable] for column in columns.T]
+        found = [self.over_span(column[self.span]) for column in columns.T]
         return np.column_stack(found) if found else np.zeros((self.values.size, 0))
+
+    def over_span(self, values: np.ndarray) -> np.ndarray:
+        """Values at the samples of `span` averaged over the same windows."""
+        return self._means(values)[self._usable]
 
     def reversed(self) -> Windows:
         """The same windows with the unknown input reversed in time."""

@@ -14,8 +14,8 @@ from ..refit import refit
 from ..scoring import ScoredHypothesis, Scoring
 from ..screening import Gain, screen
 from .free_run import RENEW, STEPS, FreeRunLaw, refit_laws
-from .promising import EACH, reduced
-from .tried import BaseOf, TriedLaw, as_long_as_better, likely_forms
+from .promising import EACH, reduced, with_explained
+from .tried import BaseOf, LawData, TriedLaw, as_long_as_better, likely_forms
 
 
 def with_fewer_effects(
@@ -90,17 +90,21 @@ def with_sensor_errors(
     return as_long_as_better(tried, last, reference, more)
 
 
-def refitted_to_all_data(
-    alike: Sequence[TriedLaw], reference: Reference, base_of: BaseOf, scoring: Scoring, pool: Pool
-) -> list[TriedLaw]:
+def refitted_to_all_data(alike: Sequence[TriedLaw], stretch: LawData, data: LawData, pool: Pool) -> list[TriedLaw]:
     """The likely forms of laws that were found on a stretch, refitted beside the same effects to all training data.
 
-    alike, reference: on the stretch, see `laws_of_best`. scoring: on all data.
+    alike: see `laws_of_best`.
     """
-    best, laws = alike[0], [one.law for one, _ in likely_forms(alike, reference)]
+    best, laws = alike[0], [one.law for one, _ in likely_forms(alike, stretch.reference)]
     base = best.base.fit
     own = {name: best.law.others[name] for c in base.candidates for name in c.names}
-    return _refitted_beside(best, laws, base.candidates, base.values, own, (), base_of, scoring, pool)
+    found = _refitted_beside(best, laws, base.candidates, base.values, own, (), data.base_of, data.scoring, pool)
+    if not found:
+        return []
+    inputs = found[0].base.inputs(data.scoring.objective.nominal)
+    here = next(one for one in inputs if one.name == best.input.name)
+    explained = with_explained([one.law.law for one in found], inputs)
+    return [replace(one, input=here, law=replace(one.law, law=law)) for one, law in zip(found, explained, strict=True)]
 
 
 def found_elsewhere(tried: Sequence[TriedLaw], best: TriedLaw, out: CandidateEffect) -> list[TriedLaw]:

@@ -24,7 +24,7 @@ from .law_fit import LawFit
 from .promising import beyond_chance, promising, reduced, refitted_over_windows, with_explained
 from .regression import find_sums, placebo
 from .sum_problem import all_terms
-from .tried import BaseOf, LawBase, TriedLaw, laws_of_best
+from .tried import LawBase, LawData, TriedLaw, laws_of_best
 
 # The numbers below are engineering judgement.
 
@@ -40,46 +40,39 @@ FEW = 2
 
 
 def find_law(
-    hypotheses: Hypotheses,
-    selection: Selection | None,
-    base_of: BaseOf,
-    scoring: Scoring,
-    reference: Reference,
-    on_stretch: Scoring | None = None,
+    hypotheses: Hypotheses, selection: Selection | None, data: LawData, stretch: LawData | None = None
 ) -> FoundLaw | None:
     """The law that closes most of what the causes of a selection leave; None where none is clearly better than them.
 
     Where effects are named beside the unknown one, they may be its image: the plant without them is tried too, and the
-    law that is found without each of them. selection: None for the nominal plant alone. on_stretch: scoring on the
-    stretches of a long log in which laws are searched.
+    law that is found without each of them. selection: None for the nominal plant alone. stretch: of a long log.
     """
     named = [selection.chosen.fit] if selection is not None and selection.has_causes else []
     fits = [hypotheses.fits[()], *named]
-    scoring = with_typical_priors(scoring)
-    if on_stretch is None:
-        tried, last = _search(hypotheses, fits, base_of, scoring, reference)
+    data = with_typical_priors(data)
+    if stretch is None:
+        tried, last = _search(hypotheses, fits, data)
     else:
-        on_stretch, there = with_typical_priors(on_stretch), Reference.of(on_stretch)
-        moved = [fit_on(on_stretch.objective, fit) for fit in fits]
-        if any(fit is None for fit in moved):
+        stretch = with_typical_priors(stretch)
+        moved = [one for fit in fits if (one := fit_on(stretch.scoring.objective, fit)) is not None]
+        if len(moved) < len(fits):
             return None
-        tried, last = _search(hypotheses, [fit for fit in moved if fit is not None], base_of, on_stretch, there)
-        alike = laws_of_best(tried, last, there)
+        alike = laws_of_best(*_search(hypotheses, moved, stretch), stretch.reference)
         if not alike:
             return None
-        last = without_law(fits[-1], scoring)
-        tried = refitted_to_all_data(alike, there, base_of, scoring, hypotheses.pool)
+        last = without_law(fits[-1], data.scoring)
+        tried = refitted_to_all_data(alike, stretch, data, hypotheses.pool)
     if selection is not None and not named:
-        effects = scoring.score(selection.chosen.fit)
-        tried = [one for one in tried if not is_beaten(one.law.scored, effects, reference)]
-    return best_law(tried, last, reference)
+        effects = data.scoring.score(selection.chosen.fit)
+        tried = [one for one in tried if not is_beaten(one.law.scored, effects, data.reference)]
+    return best_law(tried, last, data.reference)
 
 
 def _search(
-    hypotheses: Hypotheses, fits: Sequence[HypothesisFit], base_of: BaseOf, scoring: Scoring, reference: Reference
+    hypotheses: Hypotheses, fits: Sequence[HypothesisFit], data: LawData
 ) -> tuple[list[TriedLaw], ScoredHypothesis]:
     """Laws beside each of these fits in free run, and the last fit without a law."""
-    pool = hypotheses.pool
+    pool, base_of, scoring, reference = hypotheses.pool, data.base_of, data.scoring, data.reference
     bases = [base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     last, most = without[-1], MOST // len(bases)
@@ -101,11 +94,11 @@ def law_is_sought(selection: Selection, reference: Reference) -> bool:
     return selection.has_causes and (many or reference.leaves_much(chosen))
 
 
-def with_typical_priors(scoring: Scoring) -> Scoring:
+def with_typical_priors(data: LawData) -> LawData:
     """Nominal parameters as uncertain as on a typical rig: with narrow priors a law makes up for a wrong one."""
-    objective = scoring.objective
+    objective = data.scoring.objective
     nominal = replace(objective.nominal, sd=objective.nominal.typical)
-    return replace(scoring, objective=replace(objective, nominal=nominal))
+    return replace(data, scoring=replace(data.scoring, objective=replace(objective, nominal=nominal)))
 
 
 def without_law(fit: HypothesisFit, scoring: Scoring) -> ScoredHypothesis:

@@ -10,7 +10,6 @@ import numpy as np
 
 from ...core.expression import put
 from ...physics.effects import EFFECTS, CandidateEffect, Effect, LawFile, effect_of, law_candidate
-from ...plant.plant import Plant
 from ..hypothesis_model import HypothesisModel, Setting
 from ..objective import Objective
 from ..pool import Pool
@@ -289,10 +288,13 @@ def _scoring_with(scoring: Scoring, effect: Effect, begin: Begin) -> Scoring:
 
 @dataclass(frozen=True)
 class _Neutral:
-    """Puts an effect, neutral, into models. plants: those done, by identity, because the windows of a log share one."""
+    """Puts an effect, neutral, into models.
+
+    models: those done, by the identity of their plants: the windows of a log share plants, and what acts in them.
+    """
 
     effect: Effect
-    plants: dict[int, tuple[Plant, Plant]] = field(default_factory=dict)
+    models: dict[tuple[int, int], tuple[HypothesisModel, HypothesisModel]] = field(default_factory=dict)
 
     def in_segment(self, segment: Segment) -> Segment:
         """The same records with the effect in their models."""
@@ -300,12 +302,14 @@ class _Neutral:
 
     def in_model(self, model: HypothesisModel) -> HypothesisModel:
         """The same model with the effect."""
-        by_law = {law: self._in_plant(plant) for law, plant in model.plants_by_law.items()}
-        return replace(model, plant=self._in_plant(model.plant), plants_by_law=by_law)
-
-    def _in_plant(self, plant: Plant) -> Plant:
-        if id(plant) not in self.plants:
-            # Both are kept: the identity of a plant that is gone may be that of another one.
+        key = id(model.plant), id(model.plants_by_law)
+        if key not in self.models:
             values = {p.name: p.neutral for p in self.effect.parameters}
-            self.plants[id(plant)] = plant, plant.with_effects(self.effect.name, **values)
-        return self.plants[id(plant)][1]
+            plant, *others = (
+                one.with_effects(self.effect.name, **values) for one in (model.plant, *model.plants_by_law.values())
+            )
+            by_law = dict(zip(model.plants_by_law, others, strict=True))
+            # Both are kept: the identity of a plant that is gone may be that of another one.
+            self.models[key] = model, replace(model, plant=plant, plants_by_law=by_law, shared={})
+        known = self.models[key][1]
+        return replace(model, plant=known.plant, plants_by_law=known.plants_by_law, shared=known.shared)

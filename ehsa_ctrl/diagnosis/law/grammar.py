@@ -211,15 +211,17 @@ class Grammar:
         """Number of samples along the logs."""
         return next(iter(self.known.values())).size
 
-    def values(self, term: Term) -> np.ndarray:
-        """(N - 1,) of a term along the logs, in the balance of its unknown input."""
-        states = {} if term.memory is None else self.course(term.memory, term.shapes)
+    def values(self, term: Term, span: slice = slice(None)) -> np.ndarray:
+        """(n,) of a term along the logs, in the balance of its unknown input, or a number. span: its samples."""
+        states = {} if term.memory is None else self.course(term.memory, term.shapes, span.stop)
         factor: np.ndarray | float = 1.0
         if (at := self._factor).size:
             # Its mean over each sample, as that of a state: of the flow of a wave over the angle little else remains.
-            factor = 0.5 * (at + np.append(at[1:], at[-1:]))
+            factor = (0.5 * (at + np.append(at[1:], at[-1:])))[span]
         expression = Expression.parse(term.text)
-        return np.asarray(factor * expression.values({**self.known, **term.shapes, **states}), dtype=float)
+        along = {**self.known, **states}
+        given = {name: along[name][span] for name in expression.names if name in along}
+        return np.asarray(factor * expression.values({**term.shapes, **given}), dtype=float)
 
     @property
     def _factor(self) -> np.ndarray:
@@ -230,9 +232,15 @@ class Grammar:
             return np.zeros(0)
         return np.asarray(Expression.parse(addend.factors[addend.signal]).values(self.known))
 
-    def course(self, memory: Memory, shapes: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """State -> (N - 1,) mean over each sample along the logs."""
-        return memory.course(self.in_motion, shapes, self.sample_time, self.begins, mean=True)
+    def course(self, memory: Memory, shapes: Mapping[str, float], end: int | None = None) -> dict[str, np.ndarray]:
+        """State -> (n,) mean over each sample along the logs. end: samples that are needed, of which there is one more;
+        by default all."""
+        known, begins = self.in_motion, self.begins
+        if end is not None:
+            # The mean over the last one that is needed takes the next.
+            known = {name: values[: end + 1] for name, values in known.items()}
+            begins = tuple(at for at in begins if at <= end)
+        return memory.course(known, shapes, self.sample_time, begins, mean=True)
 
     @property
     def in_motion(self) -> Mapping[str, np.ndarray]:

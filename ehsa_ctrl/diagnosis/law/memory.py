@@ -19,7 +19,7 @@ from scipy.linalg import expm
 
 from ...core.compiled import cached_njit
 from ...core.expression import Expression
-from ...core.linear_recursion import linear_recursion
+from ...core.linear_recursion import constant_recursion
 
 #: Time constants that are tried: for what follows within a motion [s], and for what takes a log, as shares of its
 #: length. Engineering judgement, as are the other grids.
@@ -154,14 +154,12 @@ def _of_several(slopes: np.ndarray, rest: np.ndarray, dt: float, *, mean: bool) 
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:] = slopes[0] * dt, np.eye(n) * dt
     whole = expm(block)
-    keep, add = np.repeat(whole[None, :n, :n], len(rest), axis=0), rest @ whole[:n, n:].T
-    # A log without samples has no first state either.
-    course = np.asarray(linear_recursion(keep[:-1], add[:-1, :, None], np.zeros((n, 0)))[: len(rest), :, 0])
+    course = constant_recursion(np.ascontiguousarray(whole[:n, :n]), rest @ whole[:n, n:].T)
     if not mean:
         return course
     ends = np.vstack([course[1:], course[-1:]])
     if np.linalg.cond(slopes[0]) < 1e12:
-        return np.asarray(np.linalg.solve(slopes[0], ((ends - course) / dt - rest).T).T)
+        return np.asarray(((ends - course) / dt - rest) @ np.linalg.inv(slopes[0]).T)
     return 0.5 * (course + ends)
 
 

@@ -69,7 +69,8 @@ class SumTarget:
 
     def column(self, term: Term) -> np.ndarray:
         """(windows,) means of a term."""
-        return self.windows.of((self.grammar.values(term) * np.ones(self.windows.size))[:, None])[:, 0]
+        span = self.windows.span
+        return self.windows.over_span(self.grammar.values(term, span) * np.ones(span.stop - span.start))
 
     def reversed(self) -> SumTarget:
         """The unknown input reversed in time."""

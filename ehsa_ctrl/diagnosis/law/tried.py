@@ -12,7 +12,7 @@ from ..model_selection import Reference, relative_weights
 from ..objective import NominalParameters
 from ..place_sets import InjectionCase
 from ..refit import HypothesisFit
-from ..scoring import CauseKey, ScoredHypothesis
+from ..scoring import CauseKey, ScoredHypothesis, Scoring
 from .free_run import FreeRunLaw
 from .inputs import LawInput, law_inputs, with_combined
 from .judgement import clearly_better, replaces
@@ -37,6 +37,18 @@ class LawBase:
 
 #: A fit without a law -> what a law is added to.
 BaseOf = Callable[[HypothesisFit], LawBase]
+
+
+@dataclass(frozen=True)
+class LawData:
+    """What laws are found on, fitted to and judged by: all data, or the stretches of a long log that are searched.
+
+    reference: of the scoring.
+    """
+
+    base_of: BaseOf
+    scoring: Scoring
+    reference: Reference
 
 
 @dataclass(frozen=True)
