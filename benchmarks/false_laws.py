@@ -113,7 +113,7 @@ class Search:
         without = without_law(fit, scoring)
         best = min(stable, key=lambda law: law.scored.deviance)
         closed = 1.0 - best.scored.held_out_gap["total"] / without.held_out_gap["total"]
-        accepted = any(clearly_better(law.scored, without, data.reference) for law in stable)
+        accepted = any(clearly_better(law.scored, without, data.reference, wave=law.law.is_wave) for law in stable)
         return Refitted(f"{best.file.adds_to}: {best.file.form}", closed, accepted)
 
 

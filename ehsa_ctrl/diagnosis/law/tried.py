@@ -96,7 +96,11 @@ def laws_of_best(tried: Sequence[TriedLaw], last: ScoredHypothesis | None, refer
 
     The lowest deviance first. last: the last hypothesis without a law, which they must replace; None if they need not.
     """
-    good = [one for one in tried if clearly_better(one.law.scored, one.without, reference) and one.law.stable]
+    good = [
+        one
+        for one in tried
+        if clearly_better(one.law.scored, one.without, reference, wave=one.law.law.is_wave) and one.law.stable
+    ]
     if last is not None:
         good = [one for one in good if replaces(one.law.scored, last, reference)]
     if not good:
