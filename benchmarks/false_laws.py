@@ -113,7 +113,9 @@ class Search:
         without = without_law(fit, scoring)
         best = min(stable, key=lambda law: law.scored.deviance)
         closed = 1.0 - best.scored.held_out_gap["total"] / without.held_out_gap["total"]
-        accepted = any(clearly_better(law.scored, without, data.reference, wave=law.law.is_wave) for law in stable)
+        accepted = any(
+            clearly_better(law.scored, without, data.reference, by_windows_alone=law.law.is_wave) for law in stable
+        )
         return Refitted(f"{best.file.adds_to}: {best.file.form}", closed, accepted)
 
 

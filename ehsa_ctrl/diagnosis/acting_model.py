@@ -102,7 +102,7 @@ class ActingModel:
 
 @dataclass(frozen=True)
 class ActingModels:
-    """The models of hypotheses about one plant, by what acts in each. All its logs, and their windows, share them.
+    """The models of hypotheses about one plant, by what acts in each. The parts and windows of a log share them.
 
     plant, by_law: see `HypothesisModel`. replayed: effects that follow a measured channel of the log.
     """
@@ -123,10 +123,11 @@ class ActingModels:
         names = tuple(
             effect.name for effect in self._simulated if acts[effect.name] and acts.get(effect.extends or "", True)
         )
-        if (law, names) not in self._known:
+        known = self._known.get((law, names))
+        if known is None:
             plant = full.with_structure(replace(full.structure, effects=names))
-            return self._known.setdefault((law, names), ActingModel(plant, switch))
-        return self._known[law, names]
+            known = self._known.setdefault((law, names), ActingModel(plant, switch))
+        return known
 
     def changed(self, acting: ActingModel, values: Mapping[str, float]) -> dict[str, float]:
         """The parameters that a hypothesis changes in a model; those of effects that it lacks are left out."""

@@ -418,7 +418,7 @@ def _law(
         return LawBase(logs, fit)
 
     data = LawData(base_of, replace(scoring, windows=segments.windows(prepared)), reference)
-    stretch = None if segments.searched is segments.training else _stretch(prepared, segments, hypotheses, data)
+    stretch = _stretch(prepared, segments, hypotheses, data)
     law = find_law(hypotheses, selection, data, stretch)
     if law is None:
         return None, selection
@@ -430,7 +430,11 @@ def _law(
 
 
 def _stretch(prepared: PreparedLogs, segments: Segments, hypotheses: Hypotheses, data: LawData) -> LawData | None:
-    """The stretches of long logs in which laws are searched; None if the nominal plant can't be simulated on them."""
+    """The stretches of long logs in which laws are searched; None for short logs, where the nominal plant can't be
+    simulated on them, and with a second log for validation, in the middle of which a law's memory is not known.
+    """
+    if segments.searched is segments.training or prepared.validation is not None:
+        return None
     held_out = search_segment(prepared.held_out_plants, segments.held_out)
     scoring = data.scoring.on(segments.searched, held_out, hypotheses.best()[0].values)
     if scoring is None:
@@ -439,8 +443,8 @@ def _stretch(prepared: PreparedLogs, segments: Segments, hypotheses: Hypotheses,
 
     def base_of(fit: HypothesisFit) -> LawBase:
         base = data.base_of(fit)
-        own = [replace(one, training=part) for one, part in zip(base.logs, searched, strict=False)]
-        return replace(base, logs=[*own, *base.logs[len(own) :]])
+        pairs = zip(base.logs, searched, strict=True)
+        return replace(base, logs=[replace(one, training=part) for one, part in pairs])
 
     return LawData(base_of, scoring, Reference.of(scoring))
 

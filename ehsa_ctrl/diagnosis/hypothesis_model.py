@@ -184,10 +184,9 @@ class HypothesisModel:
     @cached_property
     def _acting(self) -> ActingModels:
         replayed = tuple(effect.name for effect in self._replay_effects)
+        # What is kept holds these plants, so that no other one can have their identities.
         key = id(self.plant), id(self.plants_by_law), replayed
-        if key not in self.shared:
-            self.shared[key] = ActingModels(self.plant, self.plants_by_law, replayed)
-        return self.shared[key]
+        return self.shared.setdefault(key, ActingModels(self.plant, self.plants_by_law, replayed))
 
     @cached_property
     def _replay_effects(self) -> tuple[Effect, ...]:

@@ -119,9 +119,15 @@ def deviations_of(information: np.ndarray) -> np.ndarray:
 class _HypothesisProblem:
     """The least-squares problem of a hypothesis: parameter vector x (k,), residuals (n,), derivatives by one scale."""
 
-    def __init__(self, objective: Objective, candidates: Sequence[CandidateEffect]) -> None:
+    def __init__(
+        self,
+        objective: Objective,
+        candidates: Sequence[CandidateEffect],
+        free: tuple[FreeNumber, ...] | None = None,
+    ) -> None:
+        """free: by default those of the objective."""
         self.objective, self.candidates = objective, tuple(candidates)
-        self.free = objective.free_numbers(candidates)
+        self.free = objective.free_numbers(candidates) if free is None else free
         self.names = [f.name for f in self.free]
         self.nominal, self.scale, self.lower, self.upper = (
             np.array([getattr(f, field) for f in self.free]) for field in ("nominal", "scale", "lower", "upper")
@@ -262,8 +268,15 @@ def refit(
 
 
 def fit_on(objective: Objective, fit: HypothesisFit) -> HypothesisFit | None:
-    """The same values as a fit to the data of another objective; None if they can't be simulated there."""
-    return refit(objective, fit.candidates, fit.values, {}, steps=0)
+    """The same values and free numbers as a fit to other data; None if they can't be simulated there."""
+    problem = _HypothesisProblem(objective, fit.candidates, fit.free)
+    x = np.array([fit.values[name] for name in problem.names])
+    r = problem.residual(x)
+    if r is None:
+        return None
+    J = np.zeros((r.size, len(problem.free)))
+    problem.differentiate(range(len(problem.free)), x, r, J)
+    return problem.fit(x, r, J, steps=0, exact=True)
 
 
 def refine(objective: Objective, fit: HypothesisFit, steps: int | None) -> HypothesisFit:

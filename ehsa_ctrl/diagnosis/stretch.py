@@ -50,15 +50,19 @@ def search_segment(plants: Sequence[Plant], training: Segment) -> Segment:
 
 
 def _stretch(plant: Plant, record: Record, length: int) -> slice | None:
-    """The `length` samples that tell most; None if the record has no more, or its nominal run stops."""
+    """The `length` samples that tell most.
+
+    None if the record has no more, its nominal run stops, or a stretch would save little.
+    """
     (run,) = record.model.run([{}])
     longest = max(zip(record.lengths, record.parts, strict=True), key=lambda pair: pair[0])[1]
     begin, end, _ = longest.indices(len(record.model.log))
     if run is None or end - begin <= length:
         return None
     if has_unmeasured_state(plant, record.model.log):
-        # Such a state is known only where the log begins, from where each run starts.
-        return slice(begin, begin + length)
+        # Such a state is known only where the log begins, from where each run starts: after other data, a stretch
+        # would save little.
+        return slice(0, length) if begin == 0 else None
     log, of_system = record.model.log, plant.structure.system.scored
     measured, simulated = (scored_signals(of_system, values, log.sample_time) for values in (log.channels, run))
     rows = np.array([*measured.values(), *(measured[name] - simulated[name] for name in simulated)])[:, begin:end]

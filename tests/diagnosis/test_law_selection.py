@@ -157,6 +157,37 @@ def test_many_effects_may_leave_a_little_less_on_the_data_that_they_were_fitted_
     assert not found((0.0031, 0.0065)) and not found((0.017, 0.0031))
 
 
+def test_where_the_best_law_of_a_stretch_does_not_hold_on_all_data_that_of_another_place_is_tried(monkeypatch):
+    """And no more than two places; a fit that can't be moved to the stretch has its laws searched on all data."""
+
+    def law(place):
+        return N(base="base", place=place, law=N(law=N(grammar=N(name=place))))
+
+    tried, moved = [], N(scoring=N(objective="stretch"), reference=None)
+    monkeypatch.setattr(find, "with_typical_priors", lambda data: data)
+    monkeypatch.setattr(find, "fit_on", lambda objective, fit: fit)
+    monkeypatch.setattr(find, "without_law", lambda *_: "without")
+    monkeypatch.setattr(find, "laws_of_best", lambda found, *_: found[:1])
+    monkeypatch.setattr(find, "refitted_to_all_data", lambda alike, *_: tried.append(alike[0]) or alike)
+    hypotheses = N(fits={(): "nominal"}, pool=None)
+
+    def found(places, holds):
+        tried.clear()
+        monkeypatch.setattr(find, "_search", lambda *_: ([law(one) for one in places], "last"))
+        monkeypatch.setattr(
+            find,
+            "best_law",
+            lambda laws, *_: next((n for one in laws if (n := one.law.law.grammar.name) in holds), None),
+        )
+        return find.find_law(hypotheses, None, N(scoring=None, reference=None), moved)
+
+    assert found(["flow_1", "flow_1", "torque", "force"], {"torque"}) == "torque"
+    assert [one.place for one in tried] == ["flow_1", "torque"]
+    assert found(["flow_1", "torque", "force"], {"force"}) is None and found([], {"force"}) is None
+    monkeypatch.setattr(find, "fit_on", lambda objective, fit: None)
+    assert found(["force"], {"force"}) == "force" and not tried
+
+
 def test_laws_that_are_far_off_as_found_are_not_refitted(monkeypatch):
     """The smallest gap comes first; a law whose run stops, or that leaves as much as asked or more, is left out. The
     gap is that of the scoring that is given."""
@@ -218,7 +249,7 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     def fit(members):
         return N(candidates=members, without=lambda out, _: tuple(c for c in members if c is not out))
 
-    def refitted(laws, _scoring, base, *_):
+    def refitted(laws, _scoring, base, *_, **__):
         return [law(base.candidates) for _ in laws]
 
     monkeypatch.setattr(beside, "refit", lambda _objective, members, values, *_, **__: fit(members))
@@ -272,7 +303,9 @@ def laws_beside_sensor_errors(monkeypatch, deviances, causes=(), imitators=None)
     monkeypatch.setattr(beside, "screen", lambda *_: N(gains=promised))
     monkeypatch.setattr(beside, "likely_forms", lambda alike, _: [(one, 1.0) for one in alike])
     monkeypatch.setattr(beside, "refit", lambda _objective, members, values, *_, **__: N(candidates=members, values={}))
-    monkeypatch.setattr(beside, "refit_laws", lambda laws, _scoring, base, *_: [law(base.candidates) for _ in laws])
+    monkeypatch.setattr(
+        beside, "refit_laws", lambda laws, _scoring, base, *_, **__: [law(base.candidates) for _ in laws]
+    )
     without = N(training_gap=rest, held_out_gap=rest, deviance=4000.0)
     scoring = N(objective=N(nominal=N(names=())), score=lambda _: without)
     first = tried.TriedLaw(law(()), tried.LawBase((), N(candidates=(), values={})), without, None, 0.0)

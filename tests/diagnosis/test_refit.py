@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ehsa_ctrl.diagnosis.objective import TEMPER
-from ehsa_ctrl.diagnosis.refit import deviations_of, refine, refit, refit_until_converged
+from ehsa_ctrl.diagnosis.refit import deviations_of, fit_on, refine, refit, refit_until_converged
 from ehsa_ctrl.physics.effects import FreeNumber
 
 
@@ -49,6 +49,22 @@ def test_a_curved_valley_is_followed_to_its_minimum(k):
 
     assert fit.cost < 1e-6
     assert list(fit.values.values()) == pytest.approx(k * [1.0], abs=1e-2)
+
+
+def test_on_other_data_a_fit_keeps_all_of_its_numbers():
+    """Also those that the other objective holds at their nominal values."""
+    valley, other = Valley(3), Valley(3)
+    fit = refit(valley, valley.candidates, valley.start(), {}, steps=2)
+    other.free_numbers = lambda _: valley.free[:1]
+    other.residuals = lambda settings: [np.append(r, r[0]) for r in valley.residuals(settings)]
+
+    found = fit_on(other, fit)
+
+    assert found.values == fit.values and found.free == fit.free
+    assert found.residual == pytest.approx(np.append(fit.residual, fit.residual[0]), rel=1e-12)
+    # Derivatives by the scale of each number, where the second residual is 10 (z_2 - z_1^2).
+    assert found.jacobian.shape == (5, 3)
+    assert found.jacobian[1, 2] == pytest.approx(10.0, rel=1e-6)
 
 
 def test_a_round_ends_when_a_new_jacobian_pays_better():

@@ -68,15 +68,16 @@ def test_many_short_logs_are_searched_as_a_whole(plant):
     assert search_segment(count * [plant], together) is together
 
 
-def test_a_stretch_of_data_whose_state_the_log_does_not_show_begins_where_it_is_scored(plant):
-    """Held-out data after other data: the run begins with the log, and only held-out samples are scored."""
+def test_data_whose_state_the_log_does_not_show_are_cut_at_the_beginning_of_a_log_alone(plant):
+    """After other data, each run begins with the log in any case."""
     (record,) = training(plant, 3.0 * LONG, (0.0, 3.0 * LONG)).records
     log = record.model.log
     model = replace(record.model, log=replace(log, channels={n: y for n, y in log.channels.items() if n != "p1"}))
+    whole = Segment((replace(record, model=model),), "the training data")
     later = Segment((replace(record, model=model, parts=(slice(len(log) // 2, len(log)),)),), "held-out data")
 
-    (found,) = search_segment([plant], later).records
+    (found,) = search_segment([plant], whole).records
 
     times = found.take(found.model.log.time)
-    assert times[0] == pytest.approx(1.5 * LONG, abs=2 * SAMPLE_TIME)
-    assert times[-1] == pytest.approx(1.5 * LONG + SEARCHED, abs=2 * SAMPLE_TIME)
+    assert times[0] == 0.0 and times[-1] == pytest.approx(SEARCHED, abs=2 * SAMPLE_TIME)
+    assert search_segment([plant], later) is later

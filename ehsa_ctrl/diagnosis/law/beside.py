@@ -15,6 +15,8 @@ from ..scoring import ScoredHypothesis, Scoring
 from ..screening import Gain, screen
 from .free_run import RENEW, STEPS, FreeRunLaw, refit_laws
 from .promising import EACH, reduced, with_explained
+from .regression import placebo
+from .sum_problem import all_terms
 from .tried import BaseOf, LawData, TriedLaw, as_long_as_better, likely_forms
 
 
@@ -98,13 +100,19 @@ def refitted_to_all_data(alike: Sequence[TriedLaw], stretch: LawData, data: LawD
     best, laws = alike[0], [one.law for one, _ in likely_forms(alike, stretch.reference)]
     base = best.base.fit
     own = {name: best.law.others[name] for c in base.candidates for name in c.names}
-    found = _refitted_beside(best, laws, base.candidates, base.values, own, (), data.base_of, data.scoring, pool)
+    # A wave with the phase of the stretch is out of phase over hundreds of seconds.
+    by_windows = any(law.law.is_wave for law in laws)
+    found = _refitted_beside(
+        best, laws, base.candidates, base.values, own, (), data.base_of, data.scoring, pool, by_windows=by_windows
+    )
     if not found:
         return []
     inputs = found[0].base.inputs(data.scoring.objective.nominal)
     here = next(one for one in inputs if one.name == best.input.name)
+    chance = placebo(all_terms(here.grammar, here.windows, here.nuisance))
     explained = with_explained([one.law.law for one in found], inputs)
-    return [replace(one, input=here, law=replace(one.law, law=law)) for one, law in zip(found, explained, strict=True)]
+    pairs = zip(found, explained, strict=True)
+    return [replace(one, input=here, placebo=chance, law=replace(one.law, law=law)) for one, law in pairs]
 
 
 def found_elsewhere(tried: Sequence[TriedLaw], best: TriedLaw, out: CandidateEffect) -> list[TriedLaw]:
@@ -127,18 +135,20 @@ def _refitted_beside(
     base_of: BaseOf,
     scoring: Scoring,
     pool: Pool,
+    *,
+    by_windows: bool = False,
 ) -> list[TriedLaw]:
     """Laws of the same unknown input as the best, refitted beside other effects.
 
     start: of a fit of these effects without a law. own: their numbers, beside the law. left_out: numbers that return to
-    their nominal values.
+    their nominal values. by_windows: see `refit_laws`.
     """
     fit = refit(scoring.objective, effects, start, {}, steps=STEPS, renew_after=RENEW)
     if fit is None:
         return []
     kept = {*scoring.objective.nominal.names, *own}.difference(left_out)
     others = [{**own, **{n: v for n, v in law.others.items() if n in kept}} for law in laws]
-    found = refit_laws([law.refitted for law in laws], scoring, fit, pool, others)
+    found = refit_laws([law.refitted for law in laws], scoring, fit, pool, others, by_windows=by_windows)
     found += refit_laws(reduced(found, [best.input]), scoring, fit, pool)
     base, without = base_of(fit), scoring.score(fit)
     return [replace(best, law=law, base=base, without=without) for law in found]

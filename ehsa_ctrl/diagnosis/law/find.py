@@ -35,6 +35,8 @@ MOST = 6
 #: laws left 0.05 to 0.7 times that, and one 2.2 times, of a tenth of the threshold. On records of a servo those of a
 #: standstill left 1.3 to 4 times that, and a fifth to three quarters of it once they were refitted.
 FAR, FAR_HELD = 2.0, 8.0
+#: Most places whose laws are refitted to all data, one after the other: those of the best may hold on a stretch only.
+MOVED = 2
 #: More causes than these may imitate a law however little they leave above noise.
 FEW = 2
 
@@ -49,22 +51,37 @@ def find_law(
     """
     named = [selection.chosen.fit] if selection is not None and selection.has_causes else []
     fits = [hypotheses.fits[()], *named]
+    effects = selection.chosen.fit if selection is not None and not named else None
     data = with_typical_priors(data)
-    if stretch is None:
-        tried, last = _search(hypotheses, fits, data)
-    else:
+    moved: list[HypothesisFit] = []
+    if stretch is not None:
         stretch = with_typical_priors(stretch)
         moved = [one for fit in fits if (one := fit_on(stretch.scoring.objective, fit)) is not None]
-        if len(moved) < len(fits):
-            return None
-        alike = laws_of_best(*_search(hypotheses, moved, stretch), stretch.reference)
+    if stretch is None or len(moved) < len(fits):
+        tried, last = _search(hypotheses, fits, data)
+        return _best(tried, last, effects, data)
+    found, last = _search(hypotheses, moved, stretch)
+    on_all: ScoredHypothesis | None = None
+    for _ in range(MOVED):
+        alike = laws_of_best(found, last, stretch.reference)
         if not alike:
-            return None
-        last = without_law(fits[-1], data.scoring)
-        tried = refitted_to_all_data(alike, stretch, data, hypotheses.pool)
-    if selection is not None and not named:
-        effects = data.scoring.score(selection.chosen.fit)
-        tried = [one for one in tried if not is_beaten(one.law.scored, effects, data.reference)]
+            break
+        on_all = on_all or without_law(fits[-1], data.scoring)
+        law = _best(refitted_to_all_data(alike, stretch, data, hypotheses.pool), on_all, effects, data)
+        if law is not None:
+            return law
+        base, place = alike[0].base, alike[0].law.law.grammar.name
+        found = [one for one in found if one.base is not base or one.law.law.grammar.name != place]
+    return None
+
+
+def _best(
+    tried: Sequence[TriedLaw], last: ScoredHypothesis, effects: HypothesisFit | None, data: LawData
+) -> FoundLaw | None:
+    """The best law, unless effects of which none may be named clearly beat it. last: as in `laws_of_best`."""
+    if effects is not None:
+        scored = data.scoring.score(effects)
+        tried = [one for one in tried if not is_beaten(one.law.scored, scored, data.reference)]
     return best_law(tried, last, data.reference)
 
 

@@ -161,7 +161,9 @@ class Grammar:
             known[contact.direction] = np.where(sign == 0.0, 1.0, sign)
         pressures = system.pressures if set(system.pressures) <= set(known) else ()
         time = signals["time"][:-1]
-        begins = (0, *(np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist())
+        # The next log begins before the end of the one before, or later.
+        jumps = np.abs(np.diff(time) - signals.sample_time) > 0.5 * signals.sample_time
+        begins = (0, *(np.flatnonzero(jumps) + 1).tolist())
         if addend.second:
             either = {n: (known[one], known[other]) for n, (one, other) in addend.own.items() if one in known}
             known = {n: in_turn(values, values, values[-1]) for n, values in known.items()}

@@ -15,13 +15,14 @@ SURE_IN_WINDOWS = 0.5
 
 
 def clearly_better(
-    one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference, *, wave: bool = False
+    one: ScoredHypothesis, without: ScoredHypothesis, reference: Reference, *, by_windows_alone: bool = False
 ) -> bool:
     """Whether a law leaves clearly less than the hypothesis without it: of the deviance above noise, and of the gap
     beyond the floor, on training and held-out data, or of the deviance in windows of both. One that leaves hardly any
     of the deviance must leave no more held-out gap.
 
-    wave: whether it is a wave over the shaft angle. Other laws that windows show must close the held-out gap too.
+    by_windows_alone: whether windows are enough, as for a wave over the shaft angle. Other laws that windows show must
+    close the held-out gap too.
 
     Where rod and spring stick, single slips make up most of the gap of any model, and the robust deviance gives them
     little weight. On the bench, laws with the variable of the true one left 0 to 0.47 of the deviance; one of the rod's
@@ -32,7 +33,7 @@ def clearly_better(
     0.84 of the held-out gap in free run, which is no use to anyone.
     """
     after, before = reference.unexplained(one), reference.unexplained(without)
-    closes = wave or one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
+    closes = by_windows_alone or one.held_out_gap["total"] < BETTER * without.held_out_gap["total"]
     less = leaves_less_gap(one, without, reference) or (closes and _better_in_windows(one, without))
     limit = 1.0 if _better_in_windows(one, without, SURE_IN_WINDOWS) else BETTER
     # Where neither leaves more than noise, as beside a valve that opens for a few samples, the gaps tell.
@@ -76,4 +77,5 @@ def is_beaten(law: ScoredHypothesis, effects: ScoredHypothesis, reference: Refer
 
     On a measured record a law of three numbers closed 90 % of a gap of 1100 %, and effects 96 %.
     """
-    return clearly_better(effects, law, reference) and not _better_in_windows(law, effects)
+    better = clearly_better(effects, law, reference, by_windows_alone=True)
+    return better and not _better_in_windows(law, effects)

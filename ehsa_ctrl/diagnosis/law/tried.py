@@ -41,7 +41,8 @@ BaseOf = Callable[[HypothesisFit], LawBase]
 
 @dataclass(frozen=True)
 class LawData:
-    """What laws are found on, fitted to and judged by: all data, or the stretches of a long log that are searched.
+    """What laws are found on, fitted to and judged by: all data, or the stretches of a long log that are searched; the
+    windows are always those of all data.
 
     reference: of the scoring.
     """
@@ -99,7 +100,8 @@ def laws_of_best(tried: Sequence[TriedLaw], last: ScoredHypothesis | None, refer
     good = [
         one
         for one in tried
-        if clearly_better(one.law.scored, one.without, reference, wave=one.law.law.is_wave) and one.law.stable
+        if one.law.stable
+        and clearly_better(one.law.scored, one.without, reference, by_windows_alone=one.law.law.is_wave)
     ]
     if last is not None:
         good = [one for one in good if replaces(one.law.scored, last, reference)]
