@@ -264,7 +264,10 @@ def test_an_effect_that_a_term_of_the_law_cancels_does_not_stay_beside_it(monkey
     )
 
     found = beside.with_fewer_effects(
-        [first], first.without, lambda one: tried.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0), None
+        [first],
+        first.without,
+        tried.LawData(lambda one: tried.LawBase((), one), scoring, Reference(0.0, 4000.0, 0.06, 1.0)),
+        None,
     )
 
     best = laws_of_best(found, first.without, Reference(0.0, 4000.0, 0.06, 1.0))
@@ -314,7 +317,7 @@ def laws_beside_sensor_errors(monkeypatch, deviances, causes=(), imitators=None)
 
     last = imitators or without
     found = beside.with_sensor_errors(
-        [first], last, others, lambda fit: tried.LawBase((), fit), scoring, reference, None
+        [first], last, others, tried.LawData(lambda fit: tried.LawBase((), fit), scoring, reference), None
     )
 
     def names(one):
@@ -361,7 +364,9 @@ def test_each_term_of_a_law_must_lower_the_deviance_by_the_margin(monkeypatch):
     deviances = {"abc": 300.0, "ab": 340.0, "ac": 900.0, "bc": 800.0, "a": 2000.0, "b": 2000.0}
     first, reference, law = laws_by_terms(monkeypatch, deviances)
 
-    found = fewer_terms.with_fewer_terms([first(law("abc"))], first(law("abc")).without, None, reference, None)
+    found = fewer_terms.with_fewer_terms(
+        [first(law("abc"))], first(law("abc")).without, N(scoring=None, reference=reference), None
+    )
 
     best = laws_of_best(found, found[0].without, reference)
     assert best[0].law.scored.deviance == 340.0
@@ -376,7 +381,9 @@ def test_what_the_closest_law_needs_may_be_the_best(monkeypatch):
     exponential, closest = first(law("e")), first(law("ab"))
     assert laws_of_best([exponential, closest], exponential.without, reference) == [exponential]
 
-    found = fewer_terms.with_fewer_terms([exponential, closest], exponential.without, None, reference, None)
+    found = fewer_terms.with_fewer_terms(
+        [exponential, closest], exponential.without, N(scoring=None, reference=reference), None
+    )
 
     assert laws_of_best(found, exponential.without, reference)[0].law.scored.deviance == 200.0
     # Each is refitted once.

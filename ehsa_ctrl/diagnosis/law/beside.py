@@ -8,24 +8,21 @@ from dataclasses import replace
 from ...physics.effects import CandidateEffect
 from ..hypothesis_model import Setting
 from ..hypothesis_search import MIN_ADDED_GAIN
-from ..model_selection import Reference
 from ..pool import Pool
 from ..refit import refit
-from ..scoring import ScoredHypothesis, Scoring
+from ..scoring import ScoredHypothesis
 from ..screening import Gain, screen
 from .free_run import RENEW, STEPS, FreeRunLaw, refit_laws
 from .promising import EACH, reduced, with_explained
 from .regression import placebo
 from .sum_problem import all_terms
-from .tried import BaseOf, LawData, TriedLaw, as_long_as_better, likely_forms
+from .tried import LawData, TriedLaw, as_long_as_better, likely_forms
 
 
 def with_fewer_effects(
     tried: Sequence[TriedLaw],
     last: ScoredHypothesis,
-    base_of: BaseOf,
-    scoring: Scoring,
-    reference: Reference,
+    data: LawData,
     pool: Pool,
 ) -> list[TriedLaw]:
     """Laws with the best of them beside one effect less, as long as that is better. last: as in `laws_of_best`.
@@ -40,21 +37,19 @@ def with_fewer_effects(
         for out in best.base.fit.candidates:
             laws = [one.law for one in (*alike, *found_elsewhere(tried, best, out))]
             rest = tuple(c for c in best.base.fit.candidates if c is not out)
-            start = best.base.fit.without(out, scoring.objective)
+            start = best.base.fit.without(out, data.scoring.objective)
             own = {name: best.law.others[name] for c in rest for name in c.names}
-            found += _refitted_beside(best, laws, rest, start, own, out.names, base_of, scoring, pool)
+            found += _refitted_beside(best, laws, rest, start, own, out.names, data, pool)
         return found
 
-    return as_long_as_better(tried, last, reference, fewer)
+    return as_long_as_better(tried, last, data.reference, fewer)
 
 
 def with_sensor_errors(
     tried: Sequence[TriedLaw],
     last: ScoredHypothesis,
     candidates: Sequence[CandidateEffect],
-    base_of: BaseOf,
-    scoring: Scoring,
-    reference: Reference,
+    data: LawData,
     pool: Pool,
 ) -> list[TriedLaw]:
     """Laws with the best of them beside errors of sensors, as long as that is better. last: as in `laws_of_best`.
@@ -66,7 +61,7 @@ def with_sensor_errors(
     of_sensors = [one for one in candidates if one.effect.sensor is not None]
 
     def more(_tried: Sequence[TriedLaw], alike: Sequence[TriedLaw]) -> list[TriedLaw]:
-        best, laws = alike[0], [one.law for one, _ in likely_forms(alike, reference)]
+        best, laws = alike[0], [one.law for one, _ in likely_forms(alike, data.reference)]
         law, base = best.law, best.base.fit
         known = {c.key for c in base.candidates}
         new = [one for one in of_sensors if one.key not in known]
@@ -85,11 +80,11 @@ def with_sensor_errors(
             effects = (*base.candidates, *(gain.candidate for gain in some))
             start = {name: value for gain in some for name, value in gain.start({}).items()}
             own = {name: law.others[name] for c in base.candidates for name in c.names} | start
-            found += _refitted_beside(best, laws, effects, {**base.values, **start}, own, (), base_of, scoring, pool)
+            found += _refitted_beside(best, laws, effects, {**base.values, **start}, own, (), data, pool)
         # What changes a signal by the threshold is a cause, which the selection would have to name.
         return [one for one in found if known.issuperset(one.beside)]
 
-    return as_long_as_better(tried, last, reference, more)
+    return as_long_as_better(tried, last, data.reference, more)
 
 
 def refitted_to_all_data(alike: Sequence[TriedLaw], stretch: LawData, data: LawData, pool: Pool) -> list[TriedLaw]:
@@ -102,9 +97,7 @@ def refitted_to_all_data(alike: Sequence[TriedLaw], stretch: LawData, data: LawD
     own = {name: best.law.others[name] for c in base.candidates for name in c.names}
     # A wave with the phase of the stretch is out of phase over hundreds of seconds.
     by_windows = any(law.law.is_wave for law in laws)
-    found = _refitted_beside(
-        best, laws, base.candidates, base.values, own, (), data.base_of, data.scoring, pool, by_windows=by_windows
-    )
+    found = _refitted_beside(best, laws, base.candidates, base.values, own, (), data, pool, by_windows=by_windows)
     if not found:
         return []
     inputs = found[0].base.inputs(data.scoring.objective.nominal)
@@ -132,8 +125,7 @@ def _refitted_beside(
     start: Setting,
     own: Setting,
     left_out: Collection[str],
-    base_of: BaseOf,
-    scoring: Scoring,
+    data: LawData,
     pool: Pool,
     *,
     by_windows: bool = False,
@@ -143,6 +135,7 @@ def _refitted_beside(
     start: of a fit of these effects without a law. own: their numbers, beside the law. left_out: numbers that return to
     their nominal values. by_windows: see `refit_laws`.
     """
+    scoring = data.scoring
     fit = refit(scoring.objective, effects, start, {}, steps=STEPS, renew_after=RENEW)
     if fit is None:
         return []
@@ -150,5 +143,5 @@ def _refitted_beside(
     others = [{**own, **{n: v for n, v in law.others.items() if n in kept}} for law in laws]
     found = refit_laws([law.refitted for law in laws], scoring, fit, pool, others, by_windows=by_windows)
     found += refit_laws(reduced(found, [best.input]), scoring, fit, pool)
-    base, without = base_of(fit), scoring.score(fit)
+    base, without = data.base_of(fit), scoring.score(fit)
     return [replace(best, law=law, base=base, without=without) for law in found]

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..model_selection import Reference
 from ..pool import Pool
-from ..scoring import ScoredHypothesis, Scoring
+from ..scoring import ScoredHypothesis
 from .free_run import refit_laws
-from .tried import TriedLaw, as_long_as_better
+from .tried import LawData, TriedLaw, as_long_as_better
 
 
-def with_fewer_terms(
-    tried: Sequence[TriedLaw], last: ScoredHypothesis, scoring: Scoring, reference: Reference, pool: Pool
-) -> list[TriedLaw]:
+def with_fewer_terms(tried: Sequence[TriedLaw], last: ScoredHypothesis, data: LawData, pool: Pool) -> list[TriedLaw]:
     """Laws with the best of them without one of its terms, as long as that is better. last: as in `laws_of_best`.
 
     The regression takes terms that its errors need, and a free run does not. The law of the lowest deviance is tried
@@ -34,7 +31,7 @@ def with_fewer_terms(
                     known.append(law.families)
                     pairs.append((of, law))
         others = [of.law.others for of, _ in pairs]
-        refitted = refit_laws([law for _, law in pairs], scoring, best.base.fit, pool, others)
+        refitted = refit_laws([law for _, law in pairs], data.scoring, best.base.fit, pool, others)
         return [replace(best, law=law) for law in refitted]
 
-    return as_long_as_better(tried, last, reference, fewer)
+    return as_long_as_better(tried, last, data.reference, fewer)

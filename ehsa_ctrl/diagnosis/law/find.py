@@ -79,7 +79,7 @@ def _best(
     tried: Sequence[TriedLaw], last: ScoredHypothesis, effects: HypothesisFit | None, data: LawData
 ) -> FoundLaw | None:
     """The best law, unless effects of which none may be named clearly beat it. last: as in `laws_of_best`."""
-    if effects is not None:
+    if tried and effects is not None:
         scored = data.scoring.score(effects)
         tried = [one for one in tried if not is_beaten(one.law.scored, scored, data.reference)]
     return best_law(tried, last, data.reference)
@@ -89,16 +89,16 @@ def _search(
     hypotheses: Hypotheses, fits: Sequence[HypothesisFit], data: LawData
 ) -> tuple[list[TriedLaw], ScoredHypothesis]:
     """Laws beside each of these fits in free run, and the last fit without a law."""
-    pool, base_of, scoring, reference = hypotheses.pool, data.base_of, data.scoring, data.reference
-    bases = [base_of(fit) for fit in fits]
+    pool, scoring = hypotheses.pool, data.scoring
+    bases = [data.base_of(fit) for fit in fits]
     without = pool.map("laws", lambda base: without_law(base.fit, scoring), bases)
     last, most = without[-1], MOST // len(bases)
     left = min(scoring.training.gap(one.fit.values)["total"] for one in without)
     pairs = zip(bases, without, strict=True)
     tried = [one for base, own in pairs for one in _try(base, own, scoring, most, left, pool)]
-    tried = with_fewer_effects(tried, last, base_of, scoring, reference, pool)
-    tried = with_sensor_errors(tried, last, hypotheses.candidates, base_of, scoring, reference, pool)
-    return with_fewer_terms(tried, last, scoring, reference, pool), last
+    tried = with_fewer_effects(tried, last, data, pool)
+    tried = with_sensor_errors(tried, last, hypotheses.candidates, data, pool)
+    return with_fewer_terms(tried, last, data, pool), last
 
 
 def law_is_sought(selection: Selection, reference: Reference) -> bool:
